@@ -1,0 +1,74 @@
+"""Argument checks of the public functions: one sentence naming the argument, what was expected, what came."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
+    """``value`` as C-ordered float64, finite, its last axes as in ``trailing`` (a string stands for any length)."""
+    array = shaped_array(name, value, trailing)
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite, got {_first_non_finite(array)}")
+    return array
+
+
+def shaped_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
+    """``value`` as C-ordered float64 with the last axes as in ``trailing``; entries may be non-finite."""
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
+    array = array.reshape(np.shape(value))
+    found = array.shape[array.ndim - len(trailing) :] if array.ndim >= len(trailing) else None
+    if found is None or any(isinstance(want, int) and want != got for want, got in zip(trailing, found)):
+        wanted = ", ".join(["…", *map(str, trailing)])
+        raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
+    return array
+
+
+def finite_number(name: str, value: float) -> float:
+    """``value`` as a finite float."""
+    return _number(name, value, "a finite number", np.isfinite)
+
+
+def positive_number(name: str, value: float) -> float:
+    """``value`` as a finite float above zero."""
+    return _number(name, value, "a finite number > 0", lambda x: np.isfinite(x) and x > 0)
+
+
+def non_negative_number(name: str, value: float) -> float:
+    """``value`` as a finite float, zero or more."""
+    return _number(name, value, "a finite number >= 0", lambda x: np.isfinite(x) and x >= 0)
+
+
+def positive_integer(name: str, value: int) -> int:
+    """``value`` as an integer of at least 1."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
+    return int(value)
+
+
+def one_of(name: str, value: str, options: Sequence[str]) -> str:
+    """``value``, one of ``options``."""
+    if value not in options:
+        raise ValueError(f"{name} must be one of {', '.join(map(repr, options))}, got {value!r}")
+    return value
+
+
+def _number(name, value, expected, accepts) -> float:
+    if isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:
+        raise TypeError(f"{name} must be {expected}, got {value!r}")
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be {expected}, got {value!r}") from error
+    if not accepts(number):
+        raise ValueError(f"{name} must be {expected}, got {value!r}")
+    return number
+
+
+def _first_non_finite(array: NDArray) -> str:
+    where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+    return f"{array[where]} at index {where}" if where else f"{array[()]}"
