@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
-    """``value`` as C-ordered float64, finite, its last axes as in ``trailing`` (a string stands for any length)."""
+    """``value`` as C-ordered float64, finite, its last axes as in ``trailing`` (a string: any length)."""
     array = shaped_array(name, value, trailing)
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got {_first_non_finite(array)}")
@@ -21,8 +21,7 @@ def shaped_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()
     except (TypeError, ValueError) as error:
         raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
     array = array.reshape(np.shape(value))
-    found = array.shape[array.ndim - len(trailing) :] if array.ndim >= len(trailing) else None
-    if found is None or any(isinstance(want, int) and want != got for want, got in zip(trailing, found)):
+    if not _ends_in(array.shape, trailing):
         wanted = ", ".join(["…", *map(str, trailing)])
         raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
     return array
@@ -72,3 +71,10 @@ def _number(name, value, expected, accepts) -> float:
 def _first_non_finite(array: NDArray) -> str:
     where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
     return f"{array[where]} at index {where}" if where else f"{array[()]}"
+
+
+def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
+    if len(shape) < len(trailing):
+        return False
+    found = shape[len(shape) - len(trailing) :]
+    return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))
