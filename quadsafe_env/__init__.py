@@ -1,1 +1,5 @@
-"""x"""
+"""A quadrotor that collides for real: (29) of the paper as a Gymnasium environment and a vector environment."""
+
+from quadsafe_env.registration import register_environments
+
+register_environments()

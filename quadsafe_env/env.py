@@ -1,0 +1,157 @@
+"""One quadrotor as a ``gymnasium.Env``."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_env.counter_rng import key_words
+from quadsafe_env.obstacles import Spheres
+from quadsafe_env.settings import RENDER_MODES, build_world, check_render_mode, scene_integer
+from quadsafe_env.state import STATE_SIZE
+from quadsafe_env.world import PlantAccess
+
+ROW = np.zeros(1, dtype=np.intp)
+
+
+class QuadrotorEnv(PlantAccess, gymnasium.Env):
+    """A quadrotor with thrust dynamics, (29) of the paper, among spheres that it collides with.
+
+    ### Action: Box(−1, 1, (4,), float32)
+    Entries beyond ±1 are clipped. A non-finite action raises ValueError, unless the env is shielded.
+
+    | `action=`    | entries 0–2 at 1                   | entry 3 at 1                      |
+    |--------------|------------------------------------|-----------------------------------|
+    | `"velocity"` | velocity 2 m/s along world x, y, z | yaw rate 2 rad/s                  |
+    | `"snap"`     | snap 200 m/s⁴ along world x, y, z  | yaw acceleration 10 rad/s²        |
+    | `"wrench"`   | F_z, τ_x, τ_y                      | τ_z; all as `snap` gives at hover |
+
+    `action_scale` has the numbers. The action is held for one policy step; the desired snap it becomes is
+    computed, filtered and handed to the inner loop once per control period.
+
+    ### Observation: Box(−1, 1, (15 + 5 k,), float32)
+
+    | entries | meaning                                              | 1 stands for (saturates) |
+    |---------|------------------------------------------------------|--------------------------|
+    | 0–2     | goal − r                                             | 4 m                      |
+    | 3–5     | ṙ                                                    | 4 m/s                    |
+    | 6–8     | r̈                                                    | 20 m/s²                  |
+    | 9–11    | r⃛                                                    | 200 m/s³                 |
+    | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)| exact                    |
+    | 14      | ω_z                                                  | 10 rad/s                 |
+    | then, for each of the k nearest spheres (k = 1; Forest 8), zeros when there are fewer:          |||
+    | +0–2    | centre − r                                           | 4 m                      |
+    | +3      | keep-out radius                                      | 2 m                      |
+    | +4      | 1 if there is such a sphere                          | exact                    |
+
+    ### Reward
+    Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
+    0.5 s without a break. A collision costs nothing here: it is `info["cost"]`.
+
+    ### Start and end
+    A scene is a function of a 64-bit integer: `reset(seed=s)` flies scene s, later resets hash (s, episode),
+    `reset(options={"scene": k})` flies scene k. Starts are at rest, clear of every sphere. An episode ends
+    with a violation (`terminate_on_violation=False` flies on), out of bounds, at a crash of the model (thrust
+    at its floor or a non-finite state), and, but for Flight, on arrival. The env never truncates itself:
+    `truncated` is the time limit that `gym.make` adds, and nothing else.
+
+    ### Info, the same keys at reset and at every step
+    | key                                  | meaning                                                          |
+    |--------------------------------------|------------------------------------------------------------------|
+    | `cost`                               | 1.0 if a keep-out sphere was entered at a physics substep        |
+    | `clearance`                          | least distance to a keep-out sphere over the substeps, m         |
+    | `is_success`                         | arrived, without a violation in this episode                     |
+    | `violation`, `out_of_bounds`, `crash`| what this step did; a crash leaves the last sound state          |
+    | `invalid_action`                     | the action was not finite                                        |
+
+    ### Keywords
+    See ``quadsafe_env.settings.build_world``.
+
+    ### Versions
+    v0: first.
+    """
+
+    metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 - Gymnasium's attribute
+
+    def __init__(self, *, render_mode: str | None = None, **settings: Any):
+        self.render_mode = check_render_mode(render_mode)
+        self._world = build_world(1, **settings)
+        self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
+        self.action_space = Box(-1.0, 1.0, (4,), np.float32)
+        self.observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
+        self._is_seeded = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start an episode.
+
+        Args:
+            seed: the scene of this episode and the source of the later ones.
+            options: {"scene": k} flies scene k, an integer in [0, 2^64).
+        """
+        super().reset(seed=seed)
+        if seed is not None or not self._is_seeded:
+            first = seed if seed is not None else int(self.np_random.integers(2**63))
+            self._world.seed(ROW, key_words(first))
+            self._is_seeded = True
+        if options and "scene" in options:
+            self._world.reset_to(ROW, key_words(scene_integer("scene", options["scene"])))
+        else:
+            self._world.reset(ROW)
+        return self._world.observations[0].copy(), self._info()
+
+    def step(self, action: ArrayLike):
+        """Fly one policy step.
+
+        Raises:
+            ValueError: for an action of the wrong shape, or a non-finite one without a shield.
+        """
+        row = np.asarray(action, dtype=np.float32)
+        if row.shape != (4,):
+            raise ValueError(f"action must have shape (4,), got {row.shape}")
+        if not self._world.is_shielded and not np.isfinite(row).all():
+            raise ValueError(f"action must be finite, got {row.tolist()}")
+        self._world.step(row[np.newaxis])
+        observation = self._world.observations[0].copy()
+        return (
+            observation,
+            float(self._world.rewards[0]),
+            bool(self._world.terminated()[0]),
+            False,
+            self._info(),
+        )
+
+    def render(self):
+        """An RGB frame (480, 480, 3) of the scene, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from quadsafe_env.render import frame
+
+        return frame(self.state, self.goal, self.obstacles, self.params)
+
+    def _info(self) -> dict[str, Any]:
+        return {key: value[0].item() for key, value in self._world.info().items()}
+
+    def flat_state(self) -> NDArray[np.float64]:
+        """Flat state (4, 3): r, ṙ, r̈, r⃛ in the world frame."""
+        return self._world.flat_states()[0]
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The plant's state (20,), a copy; see ``quadsafe_env.state``."""
+        return self._world.states[0].copy()
+
+    @state.setter
+    def state(self, value: ArrayLike) -> None:
+        self._world.states[0] = np.reshape(value, STATE_SIZE)
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """The goal (3,), m, a copy."""
+        return self._world.scenes.goal[0].copy()
+
+    @property
+    def obstacles(self) -> Spheres:
+        """Keep-out spheres: center (K, 3) and radius (K,), m, copies."""
+        return Spheres(self._world.scenes.center[0].copy(), self._world.scenes.radius[0].copy())

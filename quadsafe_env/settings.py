@@ -1,0 +1,107 @@
+"""From the keywords of ``gym.make`` to a world."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from quadsafe_core.checks import finite_array, one_of, positive_integer
+from quadsafe_env.counter_rng import KEY_LIMIT
+from quadsafe_env.obstacles import spheres_from_rows
+from quadsafe_env.params import params_from
+from quadsafe_env.scenes import AvoidTask, FlightTask, ForestTask, Task
+from quadsafe_env.world import Rates, World
+
+TASKS = {
+    "flight": FlightTask(
+        sphere_count=1, observed_spheres=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)
+    ),
+    "avoid": AvoidTask(sphere_count=1, observed_spheres=1, ends_at_goal=True),
+    "forest": ForestTask(sphere_count=10, observed_spheres=8, ends_at_goal=True, sizes=(0.2, 0.4)),
+}
+RENDER_MODES = ("rgb_array",)
+
+
+def build_world(
+    n: int,
+    *,
+    task: str = "avoid",
+    action: str = "velocity",
+    params="crazyflie",
+    obstacles: Sequence[Sequence[float]] | None = None,
+    policy_hz: int = 25,
+    control_hz: int = 100,
+    physics_hz: int = 500,
+    terminate_on_violation: bool = True,
+    sphere_count: int | None = None,
+    sphere_radius: Sequence[float] | None = None,
+) -> World:
+    """A world of ``n`` rows.
+
+    Args:
+        n: number of rows.
+        task: "flight", "avoid" or "forest"; fixed by the id.
+        action: "velocity", "snap" or "wrench".
+        params: preset name, mapping of fields, or QuadrotorParams.
+        obstacles: rows [x, y, z, radius], m, in place of the task's own spheres; radii without the vehicle's.
+        policy_hz: rate of ``step``, Hz.
+        control_hz: rate of the filter slot, Hz; a multiple of policy_hz.
+        physics_hz: rate of the inner loop and of RK4, Hz; a multiple of control_hz.
+        terminate_on_violation: whether a violation ends the episode.
+        sphere_count: number of spheres of a forest.
+        sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
+
+    Raises:
+        ValueError, TypeError: naming the keyword, what was expected and what came.
+    """
+    vehicle = params_from(params)
+    return World(
+        n,
+        _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius),
+        vehicle,
+        action=action,
+        spheres=None if obstacles is None else spheres_from_rows(obstacles, vehicle.radius),
+        rates=Rates(policy_hz, control_hz, physics_hz),
+        terminate_on_violation=_flag("terminate_on_violation", terminate_on_violation),
+    )
+
+
+def scene_integer(name: str, value) -> int:
+    """``value`` as a scene integer, 0 <= k < 2^64.
+
+    Raises:
+        ValueError: for anything else.
+    """
+    is_integer = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not is_integer or not 0 <= value < KEY_LIMIT:
+        raise ValueError(f"{name} must be an integer in [0, 2^64), got {value!r}")
+    return int(value)
+
+
+def check_render_mode(render_mode: str | None) -> str | None:
+    """``render_mode``, one of the supported ones or None."""
+    return None if render_mode is None else one_of("render_mode", render_mode, RENDER_MODES)
+
+
+def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float] | None) -> Task:
+    task = TASKS[name]
+    if sphere_count is not None:
+        if name != "forest":
+            raise ValueError(f"sphere_count must be left out for task {name!r}, got {sphere_count!r}")
+        task = replace(task, sphere_count=positive_integer("sphere_count", sphere_count))
+    if sphere_radius is not None:
+        if name == "flight":
+            raise ValueError(f"sphere_radius must be left out for task 'flight', got {sphere_radius!r}")
+        low, high = finite_array("sphere_radius", sphere_radius, (2,)).tolist()
+        if not 0 < low <= high:
+            raise ValueError(
+                f"sphere_radius must be [least, greatest] with 0 < least <= greatest, got {sphere_radius!r}"
+            )
+        task = replace(task, sizes=(low, high))
+    return task
+
+
+def _flag(name: str, value) -> bool:
+    if not isinstance(value, bool | np.bool_):
+        raise TypeError(f"{name} must be True or False, got {value!r}")
+    return bool(value)

@@ -1,0 +1,183 @@
+"""N quadrotors as a ``gymnasium.vector.VectorEnv``: the same world as the single env, row by row."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import positive_integer
+from quadsafe_env.counter_rng import KEY_LIMIT, key_words
+from quadsafe_env.obstacles import Spheres
+from quadsafe_env.settings import RENDER_MODES, build_world, check_render_mode, scene_integer
+from quadsafe_env.world import PlantAccess
+
+
+class QuadrotorVectorEnv(PlantAccess, VectorEnv):
+    """N rows of ``QuadrotorEnv`` in one world; spaces, rewards and info keys are those of the single env.
+
+    Row i of ``reset(seed=s)`` is the single env's ``reset(seed=s + i)``, bit for bit, and so is every step
+    after it. Rows that end are reset in the same step: ``info["final_obs"]`` and ``info["final_info"]`` then
+    hold their last observation and info, with masks ``_final_obs`` and ``_final_info``. The top-level info
+    always describes the transition just made, also for a row that was reset. A row whose action is not
+    finite ends with ``invalid_action``, unless the env is shielded.
+
+    Args:
+        num_envs: number of rows N.
+        max_episode_steps: time limit, policy steps; None for no limit.
+        render_mode: None or "rgb_array": ``render()`` gives one frame a row.
+        settings: see ``quadsafe_env.settings.build_world``.
+    """
+
+    metadata = {  # noqa: RUF012 - Gymnasium's attribute
+        "render_modes": list(RENDER_MODES),
+        "render_fps": 25,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+        **settings: Any,
+    ):
+        self.num_envs = positive_integer("num_envs", num_envs)
+        self.render_mode = check_render_mode(render_mode)
+        self._world = build_world(self.num_envs, **settings)
+        self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
+        self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)
+        self.single_observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        # Without a limit, no count of steps reaches it.
+        self._limit = (
+            np.inf if max_episode_steps is None else positive_integer("max_episode_steps", max_episode_steps)
+        )
+        self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._is_seeded = False
+
+    def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
+        """Start an episode in every row.
+
+        Args:
+            seed: s for the scenes s, s + 1, …; or one integer a row.
+            options: {"scene": [k_0, …]} flies given scenes; {"reset_mask": (N,) bool} resets some rows only.
+        """
+        options = options or {}
+        rows = self._rows(options.get("reset_mask"))
+        self._seed(rows, seed)
+        if "scene" in options:
+            self._world.reset_to(rows, key_words(self._integers("scene", options["scene"], rows)))
+        else:
+            self._world.reset(rows)
+        self._steps[rows] = 0
+        return self._world.observations.copy(), with_masks(
+            self._world.info(), np.ones(self.num_envs, dtype=np.bool_)
+        )
+
+    def step(self, actions: ArrayLike):
+        """Fly one policy step in every row.
+
+        Raises:
+            ValueError: for actions of the wrong shape.
+        """
+        rows = np.ascontiguousarray(actions, dtype=np.float32)
+        if rows.shape != (self.num_envs, 4):
+            raise ValueError(f"actions must have shape ({self.num_envs}, 4), got {rows.shape}")
+        world = self._world
+        world.step(rows)
+        self._steps += 1
+        rewards, terminated = world.rewards.copy(), world.terminated()
+        truncated = (self._steps >= self._limit) & ~terminated
+        info = with_masks(world.info(), np.ones(self.num_envs, dtype=np.bool_))
+        done = terminated | truncated
+        if done.any():
+            info |= self._final(done)
+            ended = np.flatnonzero(done)
+            world.reset(ended)
+            self._steps[ended] = 0
+        return world.observations.copy(), rewards, terminated, truncated, info
+
+    def render(self):
+        """One RGB frame (480, 480, 3) a row, or None without a render mode."""
+        if self.render_mode is None:
+            return None
+        from quadsafe_env.render import frame
+
+        state, goal, spheres = self.state, self.goal, self.obstacles
+        return tuple(
+            frame(state[i], goal[i], Spheres(spheres.center[i], spheres.radius[i]), self.params)
+            for i in range(self.num_envs)
+        )
+
+    def _final(self, done: NDArray[np.bool_]) -> dict[str, Any]:
+        return {
+            "final_obs": self._world.observations.copy(),
+            "_final_obs": done.copy(),
+            "final_info": with_masks(self._world.info(), done),
+            "_final_info": done.copy(),
+        }
+
+    def _rows(self, mask: Any) -> NDArray[np.intp]:
+        if mask is None:
+            return np.arange(self.num_envs)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_:
+            raise ValueError(
+                f"reset_mask must be a boolean array of shape ({self.num_envs},), "
+                f"got {mask.dtype} of shape {mask.shape}"
+            )
+        return np.flatnonzero(mask)
+
+    def _seed(self, rows: NDArray[np.intp], seed: int | Sequence[int | None] | None) -> None:
+        if seed is None and self._is_seeded:
+            return
+        if isinstance(seed, int | np.integer) or seed is None:
+            super().reset(seed=seed)
+            first = int(self.np_random.integers(2**63)) if seed is None else scene_integer("seed", seed)
+            words = key_words([(first + i) % KEY_LIMIT for i in range(self.num_envs)])[rows]
+        else:
+            words = key_words(self._integers("seed", seed, rows))
+        self._world.seed(rows, words)
+        self._is_seeded = True
+
+    def _integers(self, name: str, values: Any, rows: NDArray[np.intp]) -> list[int]:
+        values = list(np.atleast_1d(np.asarray(values, dtype=object)))
+        if len(values) != self.num_envs:
+            raise ValueError(
+                f"{name} must have one integer for each of the {self.num_envs} rows, got {len(values)}"
+            )
+        return [scene_integer(f"{name}[{i}]", values[i]) for i in rows]
+
+    def flat_state(self) -> NDArray[np.float64]:
+        """Flat states (N, 4, 3): r, ṙ, r̈, r⃛ in the world frame."""
+        return self._world.flat_states()
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """The plant's states (N, 20), a copy; see ``quadsafe_env.state``."""
+        return self._world.states.copy()
+
+    @state.setter
+    def state(self, value: ArrayLike) -> None:
+        self._world.states[:] = value
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """The goals (N, 3), m, a copy."""
+        return self._world.scenes.goal.copy()
+
+    @property
+    def obstacles(self) -> Spheres:
+        """Keep-out spheres: center (N, K, 3) and radius (N, K), m, copies."""
+        return Spheres(self._world.scenes.center.copy(), self._world.scenes.radius.copy())
+
+
+def with_masks(info: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Gymnasium's convention for vector infos: beside every key a mask of the rows that have it."""
+    return info | {f"_{key}": mask.copy() for key in info}
