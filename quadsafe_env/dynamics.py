@@ -158,7 +158,7 @@ def step(
 ) -> NDArray[np.float64]:
     """The state after ``dt`` under a held wrench: one Runge–Kutta step of order 4.
 
-    One step turns the body by ‖ω‖dt; keep that below about 0.2 rad for attitudes on SO(3) to 1e-9.
+    One step turns the body by ‖ω‖dt; keep that below 0.3 rad for attitudes on SO(3) to 1e-9.
 
     Args:
         state: (…, 20), laid out as in ``quadsafe_env.state``.
