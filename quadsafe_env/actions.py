@@ -10,13 +10,13 @@ desired snap (world frame) and yaw acceleration (body z axis) once per control p
 | "wrench"   | F_z, N/s²; torque (3), body frame, N·m, both from hover  | equation (31) at the measured state|
 """
 
-import math
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import one_of
+from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import kernel
 from quadsafe_env.flatness import flat_from_state, snap_from_wrench_kernel, yaw_acceleration_kernel
 from quadsafe_env.params import QuadrotorParams
@@ -134,17 +134,6 @@ def action_interface(name: str, params: QuadrotorParams, control_period: float) 
 
 
 def velocity_gains(period: float) -> VelocityGains:
-    """Gains that put the held loop's poles at e^(−pΔ), by Ackermann's formula for v, a, j under a held snap.
-
-    Written in the differences A − I and 1 − λ, which keep their digits at short periods.
-
-    Args:
-        period: control period Δ, s.
-    """
-    step = np.array([[0, period, period**2 / 2], [0, 0, period], [0, 0, 0]])
-    held = np.array([period**3 / 6, period**2 / 2, period])
-    shifted = step - math.expm1(-VELOCITY_POLE * period) * np.eye(3)
-    reached = np.column_stack([held, step @ held, step @ step @ held])
-    k = np.linalg.solve(reached.T, [0.0, 0.0, 1.0]) @ np.linalg.matrix_power(shifted, 3)
-    yaw = -math.expm1(-YAW_RATE_POLE * period) / period
-    return VelocityGains(float(k[0]), float(k[1]), float(k[2]), yaw)
+    """Gains of the velocity interface for a control period, s."""
+    k = held_gains(3, VELOCITY_POLE, period).tolist()
+    return VelocityGains(*k, *held_gains(1, YAW_RATE_POLE, period).tolist())
