@@ -128,7 +128,7 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
             return None
         from quadsafe_env.render import frame
 
-        return frame(self.state, self.goal, self.obstacles, self.params)
+        return frame(self.state, self.goal, self.obstacles, self.params, self._world.scenes.start[0])
 
     def _info(self) -> dict[str, Any]:
         return {key: value[0].item() for key, value in self._world.info().items()}

@@ -109,9 +109,9 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             return None
         from quadsafe_env.render import frame
 
-        state, goal, spheres = self.state, self.goal, self.obstacles
+        start, goal, center, radius = self._world.scenes
         return tuple(
-            frame(state[i], goal[i], Spheres(spheres.center[i], spheres.radius[i]), self.params)
+            frame(self._world.states[i], goal[i], Spheres(center[i], radius[i]), self.params, start[i])
             for i in range(self.num_envs)
         )
 
