@@ -2,7 +2,8 @@
 
 Scenes are pure functions of a 64-bit integer, so no generator state is kept anywhere. The key travels as
 two 32-bit words in int64 arithmetic, where a product masked to 32 bits is the same in compiled code and in
-plain Python. The mixing constants are those of the public-domain "lowbias32" integer hash.
+plain Python. The mixing constants are those of the public-domain "lowbias32" integer hash, the second one
+less 2^32, which keeps every product within int64.
 """
 
 from typing import NamedTuple
@@ -29,7 +30,7 @@ class Key(NamedTuple):
 def mixed(word):
     """Bijective hash of a 32-bit word."""
     word = ((word ^ (word >> 16)) * 0x7FEB352D) & MASK
-    word = ((word ^ (word >> 15)) * 0x846CA68B) & MASK
+    word = ((word ^ (word >> 15)) * -0x7B935975) & MASK
     return word ^ (word >> 16)
 
 
@@ -53,7 +54,9 @@ def derived_key(key, episode):
 
 def key_words(integers: ArrayLike) -> NDArray[np.int64]:
     """Rows (low, high) of 64-bit integers, shape (N, 2)."""
-    return np.array([[int(k) & MASK, int(k) >> 32] for k in np.atleast_1d(integers)], dtype=np.int64)
+    # As objects: a list that mixes small integers with ones of 2^63 and more would become floats.
+    flat = np.atleast_1d(np.asarray(integers, dtype=object))
+    return np.array([[int(k) & MASK, int(k) >> 32] for k in flat], dtype=np.int64).reshape(-1, 2)
 
 
 def key_integer(words: NDArray[np.int64]) -> int:

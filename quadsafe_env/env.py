@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.counter_rng import key_words
 from quadsafe_env.obstacles import Spheres
-from quadsafe_env.settings import RENDER_MODES, build_world, check_render_mode, scene_integer
+from quadsafe_env.settings import (
+    RENDER_MODES,
+    action_array,
+    build_world,
+    check_render_mode,
+    exact_array,
+    scene_integer,
+)
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.world import PlantAccess
 
@@ -89,14 +96,18 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
         Args:
             seed: the scene of this episode and the source of the later ones.
             options: {"scene": k} flies scene k, an integer in [0, 2^64).
+
+        Raises:
+            ValueError: for a seed or scene out of range.
         """
-        super().reset(seed=seed)
-        if seed is not None or not self._is_seeded:
-            first = seed if seed is not None else int(self.np_random.integers(2**63))
-            self._world.seed(ROW, key_words(first))
+        first = None if seed is None else scene_integer("seed", seed)
+        scene = scene_integer("scene", options["scene"]) if options and "scene" in options else None
+        super().reset(seed=first)
+        if first is not None or not self._is_seeded:
+            self._world.seed(ROW, key_words(int(self.np_random.integers(2**63)) if first is None else first))
             self._is_seeded = True
-        if options and "scene" in options:
-            self._world.reset_to(ROW, key_words(scene_integer("scene", options["scene"])))
+        if scene is not None:
+            self._world.reset_to(ROW, key_words(scene))
         else:
             self._world.reset(ROW)
         return self._world.observations[0].copy(), self._info()
@@ -105,11 +116,9 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
         """Fly one policy step.
 
         Raises:
-            ValueError: for an action of the wrong shape, or a non-finite one without a shield.
+            TypeError, ValueError: for no numbers, a wrong shape, or a non-finite action without a shield.
         """
-        row = np.asarray(action, dtype=np.float32)
-        if row.shape != (4,):
-            raise ValueError(f"action must have shape (4,), got {row.shape}")
+        row = action_array("action", action, (4,))
         if not self._world.is_shielded and not np.isfinite(row).all():
             raise ValueError(f"action must be finite, got {row.tolist()}")
         self._world.step(row[np.newaxis])
@@ -139,12 +148,15 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The plant's state (20,), a copy; see ``quadsafe_env.state``."""
+        """The plant's state (20,), a copy; see ``quadsafe_env.state``.
+
+        Setting it starts the episode over from there, in the present scene; the time limit runs on.
+        """
         return self._world.states[0].copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.states[0] = np.reshape(value, STATE_SIZE)
+        self._world.start_from(exact_array("state", value, (STATE_SIZE,)))
 
     @property
     def goal(self) -> NDArray[np.float64]:

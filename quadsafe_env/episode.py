@@ -86,6 +86,9 @@ def finish_batch(states, goal, center, radius, params, low, high, effort, record
     """Close a policy step: violation, bounds, reward, observation."""
     for i in range(states.shape[0]):
         s, record = load(states[i]), records[i]
+        if record["clearance"] == NO_OBSTACLE:
+            # A row that did not move has the clearance of where it stands.
+            record["clearance"] = clearance(s[0], s[1], s[2], center[i], radius[i])
         record["violation"] = record["clearance"] < 0.0
         record["has_violated"] |= record["violation"]
         for axis in range(3):

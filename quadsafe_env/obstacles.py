@@ -60,7 +60,8 @@ def spheres_from_rows(rows: Sequence[Sequence[float]], vehicle_radius: float) ->
     Raises:
         ValueError: if the rows are not (K, 4), not finite, or a radius is not positive.
     """
-    table = finite_array("obstacles", rows if len(rows) else np.zeros((0, 4)), (4,))
+    is_empty = isinstance(rows, list | tuple) and not rows
+    table = finite_array("obstacles", np.zeros((0, 4)) if is_empty else rows, (4,))
     if table.ndim != 2:
         raise ValueError(f"obstacles must be a list of rows [x, y, z, radius], got shape {table.shape}")
     for k, radius in enumerate(table[:, 3]):

@@ -135,7 +135,8 @@ def crowded_rows(rows, start, goal, center, radius, out):
 class Task:
     """One task: how its scenes are drawn and when an episode ends.
 
-    ``sizes`` is the range of the obstacles' radii, m; ``low`` and ``high`` are the bounds of the flight.
+    ``sizes`` is the range of the obstacles' radii, m; up to ``largest_keep_out`` the drawing finds spheres that
+    are clear of start and goal; ``low`` and ``high`` are the bounds of the flight.
     """
 
     sphere_count: int
@@ -144,6 +145,7 @@ class Task:
     low: tuple[float, float, float] = (-4.0, -4.0, -4.0)
     high: tuple[float, float, float] = (4.0, 4.0, 4.0)
     sizes: tuple[float, float] = (0.3, 0.6)
+    largest_keep_out: float = math.inf
 
     def endpoints(self, words, rows, attempt, start, goal):
         """Draw start and goal of the given rows."""

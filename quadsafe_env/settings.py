@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, one_of, positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT
 from quadsafe_env.obstacles import spheres_from_rows
-from quadsafe_env.params import params_from
+from quadsafe_env.params import QuadrotorParams, params_from
 from quadsafe_env.scenes import AvoidTask, FlightTask, ForestTask, Task
 from quadsafe_env.world import Rates, World
 
@@ -16,8 +17,12 @@ TASKS = {
     "flight": FlightTask(
         sphere_count=1, observed_spheres=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)
     ),
-    "avoid": AvoidTask(sphere_count=1, observed_spheres=1, ends_at_goal=True),
-    "forest": ForestTask(sphere_count=10, observed_spheres=8, ends_at_goal=True, sizes=(0.2, 0.4)),
+    # The sphere's centre is 1.2 m or more from start and goal; 0.15 m are kept free.
+    "avoid": AvoidTask(sphere_count=1, observed_spheres=1, ends_at_goal=True, largest_keep_out=1.05),
+    # At 2 m every second draw is clear of start and goal.
+    "forest": ForestTask(
+        sphere_count=10, observed_spheres=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
+    ),
 }
 RENDER_MODES = ("rgb_array",)
 
@@ -55,12 +60,18 @@ def build_world(
         ValueError, TypeError: naming the keyword, what was expected and what came.
     """
     vehicle = params_from(params)
+    spheres = None if obstacles is None else spheres_from_rows(obstacles, vehicle.radius)
+    drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
+    if spheres is None:
+        _check_room(drawn, vehicle)
+    elif sphere_count is not None or sphere_radius is not None:
+        raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
     return World(
         n,
-        _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius),
+        drawn,
         vehicle,
         action=action,
-        spheres=None if obstacles is None else spheres_from_rows(obstacles, vehicle.radius),
+        spheres=spheres,
         rates=Rates(policy_hz, control_hz, physics_hz),
         terminate_on_violation=_flag("terminate_on_violation", terminate_on_violation),
     )
@@ -78,6 +89,33 @@ def scene_integer(name: str, value) -> int:
     return int(value)
 
 
+def exact_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """``value`` as finite float64 of exactly this shape.
+
+    Raises:
+        TypeError, ValueError: for anything else.
+    """
+    array = finite_array(name, value)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    return array
+
+
+def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:
+    """``value`` as C-ordered float32 of exactly this shape; entries may be non-finite.
+
+    Raises:
+        TypeError, ValueError: for anything else.
+    """
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float32)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {np.shape(value)}")
+    return array
+
+
 def check_render_mode(render_mode: str | None) -> str | None:
     """``render_mode``, one of the supported ones or None."""
     return None if render_mode is None else one_of("render_mode", render_mode, RENDER_MODES)
@@ -92,13 +130,22 @@ def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float]
     if sphere_radius is not None:
         if name == "flight":
             raise ValueError(f"sphere_radius must be left out for task 'flight', got {sphere_radius!r}")
-        low, high = finite_array("sphere_radius", sphere_radius, (2,)).tolist()
+        low, high = exact_array("sphere_radius", sphere_radius, (2,)).tolist()
         if not 0 < low <= high:
             raise ValueError(
                 f"sphere_radius must be [least, greatest] with 0 < least <= greatest, got {sphere_radius!r}"
             )
         task = replace(task, sizes=(low, high))
     return task
+
+
+def _check_room(task: Task, vehicle: QuadrotorParams) -> None:
+    largest = task.largest_keep_out - vehicle.radius
+    if task.sizes[1] > largest:
+        raise ValueError(
+            f"sphere_radius must be at most {largest:g} m to leave start and goal clear of a vehicle of radius "
+            f"{vehicle.radius:g} m, got {task.sizes[1]:g}"
+        )
 
 
 def _flag(name: str, value) -> bool:

@@ -12,7 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.obstacles import Spheres
-from quadsafe_env.settings import RENDER_MODES, build_world, check_render_mode, scene_integer
+from quadsafe_env.settings import (
+    RENDER_MODES,
+    action_array,
+    build_world,
+    check_render_mode,
+    exact_array,
+    scene_integer,
+)
+from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.world import PlantAccess
 
 
@@ -23,7 +31,8 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
     after it. Rows that end are reset in the same step: ``info["final_obs"]`` and ``info["final_info"]`` then
     hold their last observation and info, with masks ``_final_obs`` and ``_final_info``. The top-level info
     always describes the transition just made, also for a row that was reset. A row whose action is not
-    finite ends with ``invalid_action``, unless the env is shielded.
+    finite ends with ``invalid_action``, unless the env is shielded. As with ``gym.make``, an episode that ends
+    by itself in the very step of its time limit is both terminated and truncated.
 
     Args:
         num_envs: number of rows N.
@@ -65,14 +74,18 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         """Start an episode in every row.
 
         Args:
-            seed: s for the scenes s, s + 1, …; or one integer a row.
+            seed: s for the scenes s, s + 1, …; or one integer a row, None for a row that carries on.
             options: {"scene": [k_0, …]} flies given scenes; {"reset_mask": (N,) bool} resets some rows only.
+
+        Raises:
+            ValueError: for a seed or scene out of range, or not one a row, or another kind of mask.
         """
         options = options or {}
         rows = self._rows(options.get("reset_mask"))
         self._seed(rows, seed)
         if "scene" in options:
-            self._world.reset_to(rows, key_words(self._integers("scene", options["scene"], rows)))
+            scenes = self._one_a_row("scene", options["scene"])
+            self._world.reset_to(rows, key_words([scene_integer(f"scene[{i}]", scenes[i]) for i in rows]))
         else:
             self._world.reset(rows)
         self._steps[rows] = 0
@@ -84,16 +97,14 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         """Fly one policy step in every row.
 
         Raises:
-            ValueError: for actions of the wrong shape.
+            TypeError, ValueError: for no numbers or a wrong shape.
         """
-        rows = np.ascontiguousarray(actions, dtype=np.float32)
-        if rows.shape != (self.num_envs, 4):
-            raise ValueError(f"actions must have shape ({self.num_envs}, 4), got {rows.shape}")
+        rows = action_array("actions", actions, (self.num_envs, 4))
         world = self._world
         world.step(rows)
         self._steps += 1
         rewards, terminated = world.rewards.copy(), world.terminated()
-        truncated = (self._steps >= self._limit) & ~terminated
+        truncated = self._steps >= self._limit
         info = with_masks(world.info(), np.ones(self.num_envs, dtype=np.bool_))
         done = terminated | truncated
         if done.any():
@@ -135,24 +146,28 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         return np.flatnonzero(mask)
 
     def _seed(self, rows: NDArray[np.intp], seed: int | Sequence[int | None] | None) -> None:
-        if seed is None and self._is_seeded:
-            return
-        if isinstance(seed, int | np.integer) or seed is None:
-            super().reset(seed=seed)
-            first = int(self.np_random.integers(2**63)) if seed is None else scene_integer("seed", seed)
-            words = key_words([(first + i) % KEY_LIMIT for i in range(self.num_envs)])[rows]
-        else:
-            words = key_words(self._integers("seed", seed, rows))
-        self._world.seed(rows, words)
-        self._is_seeded = True
+        if not self._is_seeded:
+            self._world.seed(np.arange(self.num_envs), self._in_a_row(int(self.np_random.integers(2**63))))
+            self._is_seeded = True
+        if isinstance(seed, int | np.integer):
+            first = scene_integer("seed", seed)
+            super().reset(seed=first)
+            self._world.seed(rows, self._in_a_row(first)[rows])
+        elif seed is not None:
+            seeds = self._one_a_row("seed", seed)
+            given = np.array([i for i in rows if seeds[i] is not None], dtype=np.intp)
+            self._world.seed(given, key_words([scene_integer(f"seed[{i}]", seeds[i]) for i in given]))
 
-    def _integers(self, name: str, values: Any, rows: NDArray[np.intp]) -> list[int]:
+    def _in_a_row(self, first: int) -> NDArray[np.int64]:
+        return key_words([(first + i) % KEY_LIMIT for i in range(self.num_envs)])
+
+    def _one_a_row(self, name: str, values: Any) -> list:
         values = list(np.atleast_1d(np.asarray(values, dtype=object)))
         if len(values) != self.num_envs:
             raise ValueError(
                 f"{name} must have one integer for each of the {self.num_envs} rows, got {len(values)}"
             )
-        return [scene_integer(f"{name}[{i}]", values[i]) for i in rows]
+        return values
 
     def flat_state(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3): r, ṙ, r̈, r⃛ in the world frame."""
@@ -160,12 +175,15 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The plant's states (N, 20), a copy; see ``quadsafe_env.state``."""
+        """The plant's states (N, 20), a copy; see ``quadsafe_env.state``.
+
+        Setting them starts every episode over from there, in its present scene; time limits run on.
+        """
         return self._world.states.copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.states[:] = value
+        self._world.start_from(exact_array("state", value, (self.num_envs, STATE_SIZE)))
 
     @property
     def goal(self) -> NDArray[np.float64]:

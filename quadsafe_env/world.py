@@ -153,10 +153,18 @@ class World:
         self.words[rows] = words
         self._place(rows)
 
+    def start_from(self, states: NDArray[np.float64]) -> None:
+        """Start the episode of every row over from the given states (N, 20), in its present scene."""
+        self.states[:] = states
+        self._begin(np.arange(self.n))
+
     def _place(self, rows: NDArray[np.intp]) -> None:
         self._episodes[rows] += 1
         self._source.draw(self.words, rows, self.scenes)
         self.states[rows] = hover_state(self.scenes.start[rows], self.params)
+        self._begin(rows)
+
+    def _begin(self, rows: NDArray[np.intp]) -> None:
         begin_rows(rows, self.states, *self._goal_and_spheres, self.params, self.records, self.observations)
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
