@@ -1,0 +1,90 @@
+"""Argument checks: what passes, and the one sentence that a bad argument gets."""
+
+import math
+
+import numpy as np
+import pytest
+
+from quadsafe_core.checks import (
+    finite_array,
+    finite_number,
+    non_negative_number,
+    one_of,
+    positive_integer,
+    positive_number,
+    shaped_array,
+)
+
+
+def test_arrays_become_c_ordered_float64_of_their_own_shape():
+    for value in (3, [1, 2], np.arange(12, dtype=np.int32).reshape(3, 4).T, np.zeros((0, 4))):
+        array = finite_array("x", value)
+        assert array.dtype == np.float64 and array.flags.c_contiguous
+        assert array.shape == np.shape(value)
+        np.testing.assert_array_equal(array, value)
+
+
+def test_last_axes_are_compared_and_strings_stand_for_any_length():
+    assert finite_array("x", np.zeros((7, 4, 3)), (4, 3)).shape == (7, 4, 3)
+    assert finite_array("x", np.zeros((7, 9, 3)), ("K", 3)).shape == (7, 9, 3)
+    with pytest.raises(ValueError, match=r"^x must have shape \(…, K, 3\), got \(3,\)$"):
+        finite_array("x", np.zeros(3), ("K", 3))
+
+
+def test_shaped_array_lets_non_finite_entries_pass():
+    assert np.isnan(shaped_array("x", [math.nan, 1.0], (2,))[0])
+
+
+@pytest.mark.parametrize(
+    ("value", "sentence"),
+    [
+        ([1.0, math.nan], "x must be finite, got nan at index (1,)"),
+        ([[1.0], [-math.inf]], "x must be finite, got -inf at index (1, 0)"),
+        (math.inf, "x must be finite, got inf"),
+    ],
+)
+def test_first_non_finite_entry_is_named(value, sentence):
+    with pytest.raises(ValueError) as error:
+        finite_array("x", value)
+    assert str(error.value) == sentence
+
+
+@pytest.mark.parametrize("value", ["abc", [[1.0], [1.0, 2.0]], {"a": 1}, object()])
+def test_what_holds_no_real_numbers_is_a_type_error(value):
+    with pytest.raises(TypeError, match=r"^x must be an array of real numbers, got "):
+        finite_array("x", value)
+
+
+@pytest.mark.parametrize(
+    ("check", "accepted", "refused"),
+    [
+        (finite_number, (-1, 0, 2.5), (math.nan, math.inf, -math.inf)),
+        (positive_number, (1, 1e-30), (0, -1.0, math.nan, math.inf)),
+        (non_negative_number, (0, 0.0, 3), (-1e-300, math.nan, math.inf)),
+    ],
+)
+def test_numbers(check, accepted, refused):
+    for value in (*accepted, *map(np.float32, accepted), *map(np.array, accepted)):
+        number = check("x", value)
+        assert type(number) is float
+        assert number == value
+    for value in refused:
+        with pytest.raises(ValueError, match=r"^x must be a finite number( > 0| >= 0)?, got "):
+            check("x", value)
+    for value in ("1", b"1", True, None, [1.0], np.ones(1), 1j):
+        with pytest.raises(TypeError, match=r"^x must be a finite number"):
+            check("x", value)
+
+
+def test_positive_integer():
+    assert positive_integer("n", 3) == 3
+    assert type(positive_integer("n", np.int64(3))) is int
+    for value in (0, -1, 2.0, True, "3", None):
+        with pytest.raises(ValueError, match=r"^n must be an integer >= 1, got "):
+            positive_integer("n", value)
+
+
+def test_one_of():
+    assert one_of("mode", "a", ("a", "b")) == "a"
+    with pytest.raises(ValueError, match=r"^mode must be one of 'a', 'b', got 'c'$"):
+        one_of("mode", "c", ("a", "b"))
