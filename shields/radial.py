@@ -117,7 +117,7 @@ def radial_state(flat: ArrayLike, center: ArrayLike) -> NDArray[np.float64]:
 
     Reference: equation (32).
     """
-    (flats, centers), leading = _rows(flat=(flat, (4, 3)), center=(center, (3,)))
+    (flats, centers), leading = checked_rows(flat=(flat, (4, 3)), center=(center, (3,)))
     out = np.empty((flats.shape[0], 4))
     radial_state_batch(flats, centers, out)
     return out.reshape(*leading, 4)
@@ -139,7 +139,9 @@ def radial_snap(flat: ArrayLike, snap: ArrayLike, center: ArrayLike) -> NDArray[
 
     Reference: equation (32), corrected.
     """
-    (flats, snaps, centers), leading = _rows(flat=(flat, (4, 3)), snap=(snap, (3,)), center=(center, (3,)))
+    (flats, snaps, centers), leading = checked_rows(
+        flat=(flat, (4, 3)), snap=(snap, (3,)), center=(center, (3,))
+    )
     out = np.empty(flats.shape[0])
     radial_snap_batch(flats, snaps, centers, out)
     return out.reshape(leading)
@@ -164,7 +166,7 @@ def snap_for_radial(
 
     Reference: equation (34).
     """
-    (flats, snaps, centers, wanted), leading = _rows(
+    (flats, snaps, centers, wanted), leading = checked_rows(
         flat=(flat, (4, 3)), snap=(snap, (3,)), center=(center, (3,)), radial_snap=(radial_snap, ())
     )
     out = np.empty_like(snaps)
@@ -172,7 +174,7 @@ def snap_for_radial(
     return out.reshape(*leading, 3)
 
 
-def _rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
+def checked_rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
     """Checked arguments (value, own trailing shape) as contiguous rows, and the broadcast leading shape."""
     arrays = {name: finite_array(name, value, own) for name, (value, own) in arguments.items()}
     owns = [own for _, own in arguments.values()]

@@ -69,6 +69,7 @@ def test_eq32_erratum():
     assert radial_snap(flat, snap, [0, 0, 0]) == pytest.approx(exact, rel=1e-12)
 
 
+@settings(deadline=None)
 @given(FLAT, VECTOR)
 def test_eq32_equals_the_leibniz_form(flat, snap):
     R, R1, R2, R3, R4 = leibniz(flat, snap)
@@ -97,6 +98,7 @@ def test_eq32_equals_finite_differences():
         assert radial_snap(flat, snap, np.zeros(3)) == pytest.approx(np.dot(fourth, R) / h**4, abs=1e-4)
 
 
+@settings(deadline=None)
 @given(FLAT, VECTOR, st.integers(0, 2**32 - 1))
 def test_radial_motion_is_rotation_invariant(flat, snap, seed):
     turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
@@ -108,6 +110,7 @@ def test_radial_motion_is_rotation_invariant(flat, snap, seed):
     np.testing.assert_allclose(after, before, rtol=1e-10, atol=1e-12 * scale)
 
 
+@settings(deadline=None)
 @given(FLAT, VECTOR, st.floats(-200.0, 200.0), VECTOR)
 def test_eq34_round_trip_is_the_nearest_snap(flat, snap, wanted, center):
     flat = np.asarray(flat)
@@ -121,7 +124,7 @@ def test_eq34_round_trip_is_the_nearest_snap(flat, snap, wanted, center):
     np.testing.assert_allclose(shifted - snap, needed * n, rtol=1e-9, atol=slack)
 
 
-@settings(max_examples=50)
+@settings(deadline=None, max_examples=50)
 @given(st.floats(0.1, 10.0), st.floats(-10.0, 10.0), st.floats(-50.0, 50.0), st.floats(-1e3, 1e3))
 def test_straight_motion_loses_no_digits(distance, speed, acceleration, jerk):
     n = np.array([0.36, 0.48, 0.8])

@@ -1,0 +1,217 @@
+"""The shield: settings and memory around a method that turns desired snaps into safe ones."""
+
+import math
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import finite_array, non_negative_number, one_of, positive_number, shaped_array
+from shields.cbf import CbfMethod
+from shields.filtered import Filtered, Measured, compare_batch, desired_or_braking, new_filtered
+
+OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
+
+
+class Method(Protocol):
+    """A way to filter rows; made once from the settings of a shield."""
+
+    def allocate(self, rows: int, obstacles: int) -> None:
+        """Make the memory for N plants and K spheres, empty."""
+
+    def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Empty the memory of the rows of ``mask`` (N,)."""
+
+    def filter_rows(self, measured: Measured, desired: NDArray, period: float, answer: Filtered) -> None:
+        """Write snap and value of the answer, and set fallback where a backup is flown.
+
+        Args:
+            measured: flat states (N, 4, 3), centres (N, K, 3) and radii (N, K), all finite.
+            desired: (N, 3) finite snaps.
+            period: control period, s.
+            answer: where to write; ``fallback`` is already set where the desired snap was not finite.
+        """
+
+
+METHODS = {"cbf": CbfMethod}
+
+
+class Shield:
+    """Turns desired snaps into safe ones: one memory for one plant, or for N plants flown together.
+
+    The state (r, ṙ, r̈, r⃛) of each plant is held at least a keep-out radius away from the centre of an
+    obstacle. The correction is the least one that the method allows; where none is needed, the desired snap
+    comes back bit for bit. A desired snap that is not finite is replaced by one that brakes to rest, filtered
+    like any other, and reported as ``fallback``.
+
+    Args:
+        method: "cbf", the filter (33) of the paper, a statement about continuous time.
+        snap_max: ū, snap along the line of sight that the invariant sets count on, m/s⁴.
+        reserve: U_max/ū ≥ 1, how far beyond ū a state that has left the set may be pushed back.
+        alpha: α, how fast a set value may decay, 1/s.
+        margin: how far outside the keep-out radius the set ends, as a fraction of that radius.
+        max_closing_speed: bound of −Ṙ, m/s, or None.
+        max_closing_acceleration: bound of −R̈, m/s², or None.
+        max_closing_jerk: bound of −R⃛, m/s³, or None.
+
+    Raises:
+        ValueError: for a setting out of its range.
+
+    Reference: Section V, equation (33).
+    """
+
+    def __init__(
+        self,
+        *,
+        method: str = "cbf",
+        snap_max: float = 100.0,
+        reserve: float = 3.0,
+        alpha: float = 2.0,
+        margin: float = 0.005,
+        max_closing_speed: float | None = None,
+        max_closing_acceleration: float | None = None,
+        max_closing_jerk: float | None = None,
+    ):
+        self._settings = {
+            "method": one_of("method", method, tuple(METHODS)),
+            "snap_max": positive_number("snap_max", snap_max),
+            "reserve": _at_least_one("reserve", reserve),
+            "alpha": positive_number("alpha", alpha),
+            "margin": non_negative_number("margin", margin),
+            "max_closing_speed": _optional("max_closing_speed", max_closing_speed),
+            "max_closing_acceleration": _optional("max_closing_acceleration", max_closing_acceleration),
+            "max_closing_jerk": _optional("max_closing_jerk", max_closing_jerk),
+        }
+        self._method: Method = METHODS[method](self._settings)
+        self._size: tuple[int, int] | None = None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The keyword arguments that make this shield again; JSON can hold them."""
+        return dict(self._settings)
+
+    def __repr__(self) -> str:
+        return f"Shield({', '.join(f'{key}={value!r}' for key, value in self._settings.items())})"
+
+    def filter(
+        self, flat: ArrayLike, center: ArrayLike, radius: ArrayLike, snap: ArrayLike, period: float
+    ) -> Filtered:
+        """The safe snaps of one control period.
+
+        The number of plants and of spheres is fixed at the first call, until ``reset()``.
+
+        Args:
+            flat: (N, 4, 3) position m, velocity m/s, acceleration m/s², jerk m/s³, world frame.
+            center: (N, K, 3) sphere centres, m.
+            radius: (N, K) keep-out radii, m; 0 where there is no sphere.
+            snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
+            period: for how long the snap is held, s.
+
+        Returns:
+            ``Filtered``.
+
+        Raises:
+            ValueError: for wrong shapes, measurements that are not finite, radius < 0, period <= 0, or more
+                spheres than the method takes.
+        """
+        flats, centers, radii, snaps = map(_as_array, (flat, center, radius, snap))
+        is_single = flats.ndim == 2
+        if is_single:
+            flats, centers, radii, snaps = flats[None], centers[None], radii[None], snaps[None]
+        size = _size_of(flats, centers, radii, snaps)
+        if size is None:
+            raise _shape_error(flat, center, radius, snap)
+        if not (type(period) is float and 0.0 < period < math.inf):
+            period = positive_number("period", period)
+        if size != self._size:
+            self._begin(size)
+        answer = self._filter_rows(flats, centers, radii, snaps, period)
+        return _single(answer) if is_single else answer
+
+    def _filter_rows(self, flat, center, radius, snap, period: float) -> Filtered:
+        measured, answer = Measured(flat, center, radius), new_filtered(flat.shape[0])
+        desired = desired_or_braking(measured, snap, period, answer.fallback)
+        if desired is None:
+            raise _measurement_error(measured)
+        self._method.filter_rows(measured, desired, period, answer)
+        if not compare_batch(desired, *answer[:-1]):
+            raise ValueError(f"flat must be small enough for float64 arithmetic, got up to {abs(flat).max():g}")
+        return answer
+
+    def _begin(self, size: tuple[int, int]) -> None:
+        if self._size is not None:
+            raise ValueError(
+                f"flat and radius must keep their N and K until reset(), got {size} after {self._size}"
+            )
+        self._method.allocate(*size)
+        self._size = size
+
+    def reset(self, mask: ArrayLike | None = None) -> None:
+        """Forget the rows of ``mask``, or without one everything, the number of plants too.
+
+        Args:
+            mask: (N,) booleans.
+
+        Raises:
+            ValueError: for another shape or type.
+        """
+        if mask is None:
+            self._size = None
+            return
+        rows = np.asarray(mask)
+        if rows.ndim != 1 or rows.dtype != np.bool_:
+            raise ValueError(f"mask must be booleans of shape (N,), got {rows.dtype} of shape {rows.shape}")
+        if self._size is None:
+            return
+        if rows.shape[0] != self._size[0]:
+            raise ValueError(f"mask must have shape ({self._size[0]},), got {rows.shape}")
+        self._method.forget(rows)
+
+
+def _as_array(value: ArrayLike) -> NDArray[np.float64]:
+    """C-ordered float64; what is not a number becomes an empty array, which no shape accepts."""
+    try:
+        return np.asarray(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        return np.empty(0)
+
+
+def _size_of(flat, center, radius, snap) -> tuple[int, int] | None:
+    """(N, K) if the shapes of a batch agree."""
+    if radius.ndim != 2:
+        return None
+    n, k = radius.shape
+    agrees = flat.shape == (n, 4, 3) and center.shape == (n, k, 3) and snap.shape == (n, 3)
+    return (n, k) if agrees and n > 0 else None
+
+
+def _shape_error(*values: ArrayLike) -> ValueError:
+    """The sentence for shapes that do not agree; raises by itself if one is wrong on its own."""
+    arrays = [shaped_array(name, value, OWN_AXES[name]) for name, value in zip(OWN_AXES, values, strict=True)]
+    found = ", ".join(f"{name} {x.shape}" for name, x in zip(OWN_AXES, arrays, strict=True))
+    return ValueError(
+        f"flat (N, 4, 3), center (N, K, 3), radius (N, K), snap (N, 3) must agree in N and K, got {found}"
+    )
+
+
+def _measurement_error(measured: Measured) -> ValueError:
+    """The sentence for a measurement that is not usable."""
+    for name, array in measured._asdict().items():
+        finite_array(name, array)
+    return ValueError(f"radius must be >= 0, got {measured.radius.min()}")
+
+
+def _single(answer: Filtered) -> Filtered:
+    return Filtered(*(field[0] for field in answer))
+
+
+def _at_least_one(name: str, value: float) -> float:
+    number = positive_number(name, value)
+    if number < 1.0:
+        raise ValueError(f"{name} must be >= 1, got {value!r}")
+    return number
+
+
+def _optional(name: str, value: float | None) -> float | None:
+    return None if value is None else positive_number(name, value)

@@ -1,0 +1,263 @@
+"""Shields for Gymnasium environments with a filter slot.
+
+A plant with a slot has, on ``env.unwrapped``, the attributes ``snap_filter`` (the slot) and ``is_shielded``.
+It calls ``snap_filter.filter(flat, center, radius, snap, period)`` once per control period, batched, flies
+the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew.
+"""
+
+from typing import Any, NamedTuple
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
+
+from quadsafe_core.checks import non_negative_number
+from quadsafe_core.jit import kernel
+from shields.filtered import ROUNDING, Filtered
+from shields.shield import Shield
+
+
+class Tally(NamedTuple):
+    """What the shield did since the policy step began, one row per plant."""
+
+    snap_desired: NDArray[np.float64]
+    snap_applied: NDArray[np.float64]
+    correction: NDArray[np.float64]
+    value: NDArray[np.float64]
+    interventions: NDArray[np.int64]
+    fallbacks: NDArray[np.int64]
+
+
+@kernel
+def clear_batch(desired, applied, correction, value, interventions, fallbacks):
+    """Open a policy step."""
+    desired[:] = 0.0
+    applied[:] = 0.0
+    correction[:] = 0.0
+    value[:] = np.inf
+    interventions[:] = 0
+    fallbacks[:] = 0
+
+
+@kernel
+def count_batch(
+    answer_correction, answer_value, intervened, fallback, correction, value, interventions, fallbacks
+):
+    """Add one control period."""
+    for i in range(value.shape[0]):
+        correction[i] = max(correction[i], answer_correction[i])
+        value[i] = min(value[i], answer_value[i])
+        interventions[i] += intervened[i]
+        fallbacks[i] += fallback[i]
+
+
+class Recorder:
+    """A shield in the slot, and what it did over the policy step."""
+
+    def __init__(self, shield: Shield, rows: int):
+        self.shield = shield
+        self._tally = Tally(
+            np.empty((rows, 3)),
+            np.empty((rows, 3)),
+            np.empty(rows),
+            np.empty(rows),
+            np.empty(rows, dtype=np.int64),
+            np.empty(rows, dtype=np.int64),
+        )
+        self.begin()
+
+    def begin(self) -> None:
+        """Open a policy step."""
+        self._periods = 0
+        clear_batch(*self._tally)
+
+    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+        """The answer of the shield for (N, …) rows."""
+        answer, tally = self.shield.filter(flat, center, radius, snap, period), self._tally
+        tally.snap_desired[:] = snap
+        tally.snap_applied[:] = answer.snap
+        count_batch(answer.correction, answer.value, answer.intervened, answer.fallback, *tally[2:])
+        self._periods += 1
+        return answer
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the shield's memory of these rows; what they did in this step stays."""
+        self.shield.reset(mask)
+
+    def intervened_share(self) -> NDArray[np.float64]:
+        """Share of this step's control periods with an intervention, (N,)."""
+        return self._tally.interventions / max(self._periods, 1)
+
+    def summary(self) -> dict[str, NDArray]:
+        """``info["shield"]`` of every row, fresh arrays."""
+        tally = self._tally
+        return {
+            "snap_desired": tally.snap_desired.copy(),
+            "snap_applied": tally.snap_applied.copy(),
+            "intervened": tally.interventions > 0,
+            "interventions": tally.interventions.copy(),
+            "correction": tally.correction.copy(),
+            "value": tally.value.copy(),
+            "in_set": tally.value >= -ROUNDING,
+            "fallback": tally.fallbacks > 0,
+            "fallbacks": tally.fallbacks.copy(),
+        }
+
+
+class Installation:
+    """A recorder in the slot of a plant, and the way out."""
+
+    def __init__(self, plant: Any, shield: Shield, rows: int):
+        if not (hasattr(plant, "snap_filter") and hasattr(plant, "is_shielded")):
+            raise TypeError(
+                f"env must have a filter slot (snap_filter, is_shielded), got {type(plant).__name__}; "
+                "for other plants call Shield.filter in your own loop"
+            )
+        if plant.is_shielded:
+            raise ValueError("env must not be shielded twice: call remove() on its ShieldWrapper first")
+        self._plant, self._before = plant, plant.snap_filter
+        self.recorder = plant.snap_filter = Recorder(shield, rows)
+
+    def begin(self) -> None:
+        """Open a policy step; the shield must still be there."""
+        if self._plant.snap_filter is not self.recorder:
+            raise RuntimeError("this shield is no longer in its environment: make a new wrapper")
+        self.recorder.begin()
+
+    def remove(self) -> None:
+        """Put back what was in the slot before."""
+        self.begin()
+        self._plant.snap_filter = self._before
+
+
+class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
+    """Shields an environment with a filter slot.
+
+    The wrapped environment itself is now shielded: the shield runs inside its control loop, once per control
+    period, where a flight controller has it. For a comparison make a second environment. ``remove()`` restores
+    the slot and returns the inner environment.
+
+    ``info["shield"]`` describes the policy step, with the same keys at reset (nothing flown: snaps,
+    corrections and counts are 0, ``value`` is +inf):
+
+    | key                            | meaning                                                               |
+    |--------------------------------|-----------------------------------------------------------------------|
+    | `snap_desired`, `snap_applied` | (3,) m/s⁴, of the last control period; desired as it came, NaN and all|
+    | `intervened`, `interventions`  | whether, and in how many control periods, the snap was changed        |
+    | `correction`                   | largest ‖applied − desired‖, m/s⁴                                     |
+    | `value`                        | least set value, m                                                    |
+    | `in_set`                       | whether it was at least 0 throughout                                  |
+    | `fallback`, `fallbacks`        | whether, and how often, the backup answered in place of the desired   |
+
+    Args:
+        env: the environment; ``env.unwrapped`` has the slot.
+        intervention_penalty: taken off the reward, times the share of the step's control periods in which
+            the shield intervened.
+        settings: keyword arguments of ``Shield``.
+
+    Raises:
+        TypeError: if the environment has no slot.
+        ValueError: if it is already shielded, or for a setting out of its range.
+    """
+
+    def __init__(self, env: gymnasium.Env, *, intervention_penalty: float = 0.0, **settings: Any):
+        shield = Shield(**settings)
+        penalty = non_negative_number("intervention_penalty", intervention_penalty)
+        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **shield.settings)
+        gymnasium.Wrapper.__init__(self, env)
+        self._penalty = penalty
+        self._installation = Installation(env.unwrapped, shield, rows=1)
+
+    @property
+    def shield(self) -> Shield:
+        """The shield in the slot."""
+        return self._installation.recorder.shield
+
+    def remove(self) -> gymnasium.Env:
+        """Take the shield out of the slot; returns the inner environment, unshielded."""
+        self._installation.remove()
+        return self.env
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Reset the environment; ``info`` gets "shield"."""
+        self._installation.begin()
+        observation, info = self.env.reset(seed=seed, options=options)
+        return observation, {**info, "shield": self._summary()}
+
+    def step(self, action: Any):
+        """Step the environment; ``info`` gets "shield", the reward its penalty."""
+        self._installation.begin()
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        share = float(self._installation.recorder.intervened_share()[0])
+        info = {**info, "shield": self._summary()}
+        return observation, float(reward) - self._penalty * share, terminated, truncated, info
+
+    def _summary(self) -> dict[str, Any]:
+        rows = self._installation.recorder.summary()
+        return {key: x[0] if x.ndim > 1 else x[0].item() for key, x in rows.items()}
+
+
+class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
+    """Shields a native vector environment with a filter slot of N rows.
+
+    As with ``ShieldWrapper``, the wrapped environment itself is now shielded, and ``remove()`` restores it.
+    ``info["shield"]`` has the keys of ``ShieldWrapper``, each an array with a leading N beside its mask
+    ``_key``. It describes the transition just made, also for a row that was reset in the same step;
+    ``info["final_info"]["shield"]``, where there is one, is the same with the mask of the rows that ended.
+
+    ``spec`` is None: a vector environment rebuilt from a spec would lose the shield without a word.
+
+    Args:
+        env: the vector environment; ``env.unwrapped`` has the slot.
+        intervention_penalty: as in ``ShieldWrapper``.
+        settings: keyword arguments of ``Shield``.
+
+    Raises:
+        TypeError: if the environment has no slot.
+        ValueError: if it is already shielded, or for a setting out of its range.
+    """
+
+    def __init__(self, env: gymnasium.vector.VectorEnv, *, intervention_penalty: float = 0.0, **settings: Any):
+        super().__init__(env)
+        self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
+        self._installation = Installation(env.unwrapped, Shield(**settings), rows=env.num_envs)
+
+    @property
+    def spec(self) -> None:
+        """None, so that a rebuild fails loudly."""
+        return None
+
+    @property
+    def shield(self) -> Shield:
+        """The shield in the slot."""
+        return self._installation.recorder.shield
+
+    def remove(self) -> gymnasium.vector.VectorEnv:
+        """Take the shield out of the slot; returns the inner environment, unshielded."""
+        self._installation.remove()
+        return self.env
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None):
+        """Reset the environment; ``info`` gets "shield"."""
+        self._installation.begin()
+        observations, info = self.env.reset(seed=seed, options=options)
+        return observations, self._with_shield(info)
+
+    def step(self, actions: Any):
+        """Step the environment; ``info`` gets "shield", the rewards their penalty."""
+        self._installation.begin()
+        observations, rewards, terminated, truncated, info = self.env.step(actions)
+        rewards = rewards - self._penalty * self._installation.recorder.intervened_share()
+        return observations, rewards, terminated, truncated, self._with_shield(info)
+
+    def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
+        info = self._described(info, np.ones(self.num_envs, dtype=np.bool_))
+        if "final_info" in info:
+            info["final_info"] = self._described(info["final_info"], info["_final_info"])
+        return info
+
+    def _described(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+        summary = self._installation.recorder.summary()
+        masks = {f"_{key}": mask.copy() for key in summary}
+        return {**info, "shield": summary | masks, "_shield": mask.copy()}
