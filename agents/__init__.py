@@ -1,0 +1,37 @@
+"""Where plant, shield and learning meet: experiments, training and evaluation."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.policies import ActorCriticPolicy
+
+
+def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "ActorCriticPolicy":
+    """The policy of a finished training.
+
+    Nothing in the files is executed: the policy is built from config.yml, its file holds weights only.
+
+    Args:
+        run: run folder, as "logs/QuadSafe-Avoid-v0_1".
+        arm: "none" or "shield"; default: the last that was trained.
+        seed: which training of the arm; default: its first.
+
+    Returns:
+        A policy with ``predict(observation, deterministic=True) -> (action, None)``, for one observation or
+        a batch.
+
+    Raises:
+        FileNotFoundError: if the folder is no run, or has no such training.
+        ValueError: for files that do not hold a config or weights.
+    """
+    from agents.ppo import load_policy
+    from agents.runs import open_run
+
+    opened = open_run(run)
+    trained = opened.trained()
+    arm = trained[-1][0] if arm is None else arm
+    seed = next((s for a, s in trained if a == arm), -1) if seed is None else seed
+    if (arm, seed) not in trained:
+        raise FileNotFoundError(f"arm and seed must be one of {trained}, got {(arm, seed)}")
+    return load_policy(opened, arm, seed)
