@@ -20,6 +20,8 @@ BRAKING_POLE = 3.0
 # What ``prepare_batch`` found.
 UNUSABLE, COMPLETE, INCOMPLETE = -1, 0, 1
 
+FLAG = np.dtype(np.bool_)
+
 # Set values within rounding of 0 count as 0.
 ROUNDING = 1e-9
 
@@ -102,9 +104,9 @@ def compare_batch(desired, snap, correction, value, in_set, intervened):
 
 def new_filtered(rows: int) -> Filtered:
     """An unwritten answer for ``rows`` plants."""
-    flags = np.empty((3, rows), dtype=np.bool_)
-    numbers = np.empty((2, rows))
-    return Filtered(np.empty((rows, 3)), numbers[0], numbers[1], flags[0], flags[1], flags[2])
+    empty = np.empty
+    snap, correction, value = empty((rows, 3)), empty(rows), empty(rows)
+    return Filtered(snap, correction, value, empty(rows, FLAG), empty(rows, FLAG), empty(rows, FLAG))
 
 
 def desired_or_braking(measured: Measured, snap, period: float, fallback) -> NDArray[np.float64] | None:
