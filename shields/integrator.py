@@ -10,6 +10,10 @@ bound is the mirror image, ``g_n(-x; -u_min, -bound)``.
 """
 
 import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.polynomials import (
@@ -18,9 +22,11 @@ from shields.polynomials import (
     cubic_roots,
     quadratic_roots,
     quartic_roots,
+    roots_from_stationary,
     scaled_sum,
     times_power_of_two,
 )
+from shields.rows import Array, state_rows
 
 
 @inline_kernel
@@ -75,6 +81,54 @@ def lower5(x1, x2, x3, x4, x5, u_max, bound):
     return _value(p, x5, bound, rise, t_star), t_star
 
 
+@kernel
+def lower_row(x, u_max, bound, work):
+    """(8) for any order: g_n and t_star of the state x; ``work`` is scratch of shape (3, n)."""
+    n = len(x)
+    if n == 1:
+        return lower1(x[0], bound)
+    if n == 2:
+        return lower2(x[0], x[1], u_max, bound)
+    if n == 3:
+        return lower3(x[0], x[1], x[2], u_max, bound)
+    if n == 4:
+        return lower4(x[0], x[1], x[2], x[3], u_max, bound)
+    if n == 5:
+        return lower5(x[0], x[1], x[2], x[3], x[4], u_max, bound)
+    return _lower_beyond_5(x, u_max, bound, work)
+
+
+@kernel
+def _lower_beyond_5(x, u_max, bound, work):
+    """(8) by Algorithm 1: stationary times of [flow]_4, then of [flow]_5, … up to [flow]_n."""
+    n = len(x)
+    p, times, below = work[0], work[1], work[2]
+    count = 0
+    for t in cubic_roots(u_max / 6.0, 0.5 * x[0], x[1], x[2]):
+        if t > 0.0:
+            times[count] = t
+            count += 1
+    for k in range(4, n):
+        _flow_polynomial(x, u_max, k, p)
+        times, below = below, times
+        count = roots_from_stationary(p[: k + 1], below, count, times)
+    _flow_polynomial(x, u_max, n, p)
+    rise, t_star = 0.0, 0.0
+    for k in range(count):
+        rise, t_star = _better(p, times[k], rise, t_star)
+    return _value(p, x[n - 1], bound, rise, t_star), t_star
+
+
+@kernel
+def _flow_polynomial(x, u_max, k, p):
+    """(9): coefficients of [flow(x, u_max, t)]_k into p, highest power first, as many as p holds."""
+    factorial = 1.0
+    for i in range(k, -1, -1):
+        if i < len(p):
+            p[i] = (x[i - 1] if i > 0 else u_max) / factorial
+        factorial *= k + 1 - i
+
+
 @inline_kernel
 def _better(p, t, rise, t_star):
     """The lower of a rise so far and that at a later candidate t; within rounding the later time counts."""
@@ -105,6 +159,8 @@ def _value(p, x_n, bound, rise, t_star):
     value = (x_n - bound) + rise
     if abs(value) <= LARGEST or t_star == 0.0:
         return value
+    if bound == -math.inf:
+        return math.inf
     value, _, e = scaled_sum(p, t_star, x_n, bound)
     return times_power_of_two(value, e)
 
@@ -132,7 +188,7 @@ def sensitivity(order, t_star):
 def required_input(order, t_star, value, u_max, alpha):
     """Least u with ``Lg_n + alpha g_n >= 0``; with g_n = 0 that is Lemma 2. -inf: every u will do."""
     if order == 1:
-        return -alpha * value
+        return 0.0 - alpha * value
     if t_star == 0.0:
         return -math.inf
     if value == 0.0:
@@ -141,3 +197,98 @@ def required_input(order, t_star, value, u_max, alpha):
     if factor == 0.0:
         return -math.copysign(math.inf, value)
     return u_max - alpha * value / factor
+
+
+@kernel
+def lower_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_n and t_star of states (N, n)."""
+    work = np.empty((3, x.shape[1]))
+    for i in range(x.shape[0]):
+        value[i], t_star[i] = lower_row(x[i], u_max[i], bound[i], work)
+
+
+@kernel
+def flow_batch(x, u, t, out):
+    """Row by row: (9) for every coordinate."""
+    for i in range(x.shape[0]):
+        for k in range(x.shape[1]):
+            value = u[i]
+            for j in range(k + 1):
+                value = value * t[i] / (k + 1 - j) + x[i, j]
+            out[i, k] = value
+
+
+def least_values(rows: Array, u_max: Array, bound: Array) -> tuple[Array, Array]:
+    """g_n and t_star of states (N, n)."""
+    value, t_star = np.empty_like(bound), np.empty_like(bound)
+    lower_batch(rows, u_max, bound, value, t_star)
+    return value, t_star
+
+
+def lower_value(x: ArrayLike, u_max: ArrayLike, bound: ArrayLike) -> tuple[Any, Any]:
+    """g_n(x; u_max, bound) of (8): the margin of x_n over its lower bound under the greatest input.
+
+    The state can be kept above the bound for ever if and only if the value is >= 0. The error is a few
+    roundings of the largest term ``x_i t_star^(n-i)/(n-i)!``, ``u_max t_star^n/n!``, ``bound``.
+
+    Args:
+        x: (…, n) state, x_1 (the highest derivative) first, x_n (the bounded coordinate) last.
+        u_max: (…) greatest input, unit of dx_1/dt, > 0.
+        bound: (…) lower bound on x_n, unit of x_n.
+
+    Returns:
+        value: (…) unit of x_n; -inf where it is below the range of floats.
+        t_star: (…) seconds until the least x_n; of several minimisers the largest.
+
+    Raises:
+        ValueError: an argument is not finite, u_max is not > 0, n > 100.
+
+    Reference: (8), (15), (17), (21), Propositions 1 to 3, Algorithm 1.
+    """
+    (rows, u_max, bound), shape = state_rows(x, u_max=u_max, bound=bound)
+    value, t_star = least_values(rows, u_max, bound)
+    return value.reshape(shape)[()], t_star.reshape(shape)[()]
+
+
+def upper_value(x: ArrayLike, u_min: ArrayLike, bound: ArrayLike) -> tuple[Any, Any]:
+    """The margin of x_n below its upper bound under the least input: ``g_n(-x; -u_min, -bound)``.
+
+    Args:
+        x: (…, n) state, x_1 first, x_n (the bounded coordinate) last.
+        u_min: (…) least input, unit of dx_1/dt, < 0.
+        bound: (…) upper bound on x_n, unit of x_n.
+
+    Returns:
+        value: (…) unit of x_n, >= 0 where x_n can be kept below the bound.
+        t_star: (…) seconds until the greatest x_n; of several maximisers the largest.
+
+    Raises:
+        ValueError: an argument is not finite, u_min is not < 0, n > 100.
+
+    Reference: (12), (18), (22) with the mirror in place of its printed signs.
+    """
+    (rows, u_min, bound), shape = state_rows(x, u_min=u_min, bound=bound)
+    value, t_star = least_values(-rows, -u_min, -bound)
+    return value.reshape(shape)[()], t_star.reshape(shape)[()]
+
+
+def flow(x: ArrayLike, u: ArrayLike, t: ArrayLike) -> Array:
+    """State after a time t under a constant input: ``[flow]_k = sum x_i t^(k-i)/(k-i)! + u t^k/k!``.
+
+    Args:
+        x: (…, n) state, x_1 first.
+        u: (…) input, unit of dx_1/dt.
+        t: (…) time in seconds.
+
+    Returns:
+        (…, n) state.
+
+    Raises:
+        ValueError: an argument is not finite.
+
+    Reference: (9).
+    """
+    (rows, u, t), shape = state_rows(x, u=u, t=t)
+    out = np.empty_like(rows)
+    flow_batch(rows, u, t, out)
+    return out.reshape(*shape, rows.shape[1])

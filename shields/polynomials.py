@@ -213,16 +213,12 @@ def root_between(p, low, high, sign_low, sign_high):
         return high
     if sign_low * sign_high >= 0.0:
         return ABSENT
-    if low >= 0.0:
-        return _crossing(p, 1.0, low, high, sign_high)
-    if high <= 0.0:
-        return -_crossing(p, -1.0, -high, -low, sign_low)
-    sign_zero = sign_at(p, 0.0)
+    sign_zero = sign_low if low >= 0.0 else (sign_high if high <= 0.0 else sign_at(p, 0.0))
     if sign_zero == 0.0:
         return 0.0
     if sign_zero == sign_low:
-        return _crossing(p, 1.0, 0.0, high, sign_high)
-    return -_crossing(p, -1.0, 0.0, -low, sign_low)
+        return _crossing(p, 1.0, max(low, 0.0), high, sign_high)
+    return -_crossing(p, -1.0, max(-high, 0.0), -low, sign_low)
 
 
 @kernel
