@@ -16,6 +16,9 @@ from quadsafe_core.checks import (
 )
 
 
+pytestmark = pytest.mark.interpreted
+
+
 def test_arrays_become_c_ordered_float64_of_their_own_shape():
     for value in (3, [1, 2], np.arange(12, dtype=np.int32).reshape(3, 4).T, np.zeros((0, 4))):
         array = finite_array("x", value)

@@ -29,6 +29,7 @@ if __name__ == "__main__":
     print(shields.caller.twice(), sum(shields.caller.twice.stats.cache_hits.values()))
 """
 
+pytestmark = pytest.mark.interpreted
 needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
 
 
