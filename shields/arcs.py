@@ -1,0 +1,169 @@
+"""Polynomial arcs of a vehicle under a held snap, and whether they keep clear between samples too.
+
+An arc is cut into pieces. A piece is clear of a sphere when a plane separates the sphere from the control
+points (Bernstein form) of the piece, whose convex hull contains it: nothing is missed between samples. The
+same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.jit import inline_kernel, kernel
+from quadsafe_core.vec3 import add, dot, norm, scale, subtract
+from shields.radial import vector
+
+# An arc is tested in one piece, then in 2, 4, … pieces down to this length, s: the hull of the control
+# points is then within a millimetre of the path.
+SHORTEST_PIECE = 0.02
+
+
+class Flat(NamedTuple):
+    """A flat state as three-vectors: position, velocity, acceleration, jerk."""
+
+    r: tuple
+    v: tuple
+    a: tuple
+    j: tuple
+
+
+class ThrustFloor(NamedTuple):
+    """Least specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
+
+    thrust: float
+    gravity: float
+
+
+class Spheres(NamedTuple):
+    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
+
+    center: np.ndarray
+    velocity: np.ndarray
+    keep_out: np.ndarray
+
+
+@inline_kernel
+def flat_of(row):
+    """A row (4, 3) as a flat state."""
+    return Flat(vector(row[0]), vector(row[1]), vector(row[2]), vector(row[3]))
+
+
+@inline_kernel
+def write3(row, x):
+    """Store a three-vector in a row."""
+    row[0], row[1], row[2] = x[0], x[1], x[2]
+
+
+@inline_kernel
+def write_flat(row, x):
+    """Store a flat state in a row (4, 3)."""
+    write3(row[0], x.r)
+    write3(row[1], x.v)
+    write3(row[2], x.a)
+    write3(row[3], x.j)
+
+
+@inline_kernel
+def combined(a, s, b):
+    """``a + s b``."""
+    return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
+
+
+@inline_kernel
+def flown(x, snap, t):
+    """The flat state after the snap was held for t, equation (9) in each axis."""
+    j = combined(x.j, t, snap)
+    a = combined(combined(x.a, t, x.j), t * t / 2, snap)
+    v = combined(combined(combined(x.v, t, x.a), t * t / 2, x.j), t**3 / 6, snap)
+    r = combined(combined(combined(combined(x.r, t, x.v), t * t / 2, x.a), t**3 / 6, x.j), t**4 / 24, snap)
+    return Flat(r, v, a, j)
+
+
+@inline_kernel
+def position_points(x, snap, d):
+    """Bernstein control points of the position over a piece of length d."""
+    c1, c2, c3 = scale(d, x.v), scale(d * d / 2, x.a), scale(d**3 / 6, x.j)
+    b1 = combined(x.r, 1 / 4, c1)
+    b2 = combined(combined(x.r, 1 / 2, c1), 1 / 6, c2)
+    b3 = combined(combined(combined(x.r, 3 / 4, c1), 1 / 2, c2), 1 / 4, c3)
+    b4 = combined(add(add(add(x.r, c1), c2), c3), d**4 / 24, snap)
+    return (x.r, b1, b2, b3, b4)
+
+
+@inline_kernel
+def acceleration_points(x, snap, d):
+    """Bernstein control points of the acceleration over a piece of length d."""
+    return (x.a, combined(x.a, d / 2, x.j), combined(combined(x.a, d, x.j), d * d / 2, snap))
+
+
+@inline_kernel
+def is_separated(n, length, points, center, drift, radius):
+    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖`` for all five control points; the centre moves by drift in all."""
+    for i in range(5):
+        gap = subtract(points[i], combined(center, i / 4, drift))
+        if dot(n, gap) < radius * length:
+            return False
+    return True
+
+
+@inline_kernel
+def piece_clears(points, center, drift, radius):
+    """Whether a plane across the direction to the middle of the piece, or to its start, separates."""
+    middle = subtract(points[2], combined(center, 0.5, drift))
+    if is_separated(middle, norm(middle), points, center, drift, radius):
+        return True
+    start = subtract(points[0], center)
+    return is_separated(start, norm(start), points, center, drift, radius)
+
+
+@inline_kernel
+def piece_keeps_thrust(points, floor):
+    """Whether a plane separates the specific thrust r̈ + g e3 over the piece from the ball of the floor."""
+    lift = (0.0, 0.0, floor.gravity)
+    b0, b1, b2 = add(points[0], lift), add(points[1], lift), add(points[2], lift)
+    least = floor.thrust * norm(b1)
+    return dot(b1, b0) >= least and dot(b1, b1) >= least and dot(b1, b2) >= least
+
+
+@inline_kernel
+def pieces_are_clear(x, snap, start, d, pieces, spheres, floor):
+    """Whether every piece of length d of the arc keeps clear of the spheres and of the thrust floor."""
+    for piece in range(pieces):
+        y = flown(x, snap, piece * d)
+        if not piece_keeps_thrust(acceleration_points(y, snap, d), floor):
+            return False
+        points = position_points(y, snap, d)
+        for k in range(spheres.keep_out.shape[0]):
+            drift = vector(spheres.velocity[k])
+            center = combined(vector(spheres.center[k]), start + piece * d, drift)
+            if spheres.keep_out[k] > 0.0 and not piece_clears(
+                points, center, scale(d, drift), spheres.keep_out[k]
+            ):
+                return False
+    return True
+
+
+@kernel
+def arc_is_clear(x, snap, start, duration, spheres, floor):
+    """Whether the snap held from ``start`` for ``duration`` keeps clear: whole, or in ever shorter pieces."""
+    pieces = 1
+    while not pieces_are_clear(x, snap, start, duration / pieces, pieces, spheres, floor):
+        pieces *= 2
+        if duration / pieces < SHORTEST_PIECE:
+            return False
+    return True
+
+
+@kernel
+def rest_is_clear(x, start, spheres):
+    """Whether a vehicle that moves on at its velocity from time ``start`` keeps clear for ever."""
+    for k in range(spheres.keep_out.shape[0]):
+        drift = vector(spheres.velocity[k])
+        gap = subtract(x.r, combined(vector(spheres.center[k]), start, drift))
+        closing = subtract(x.v, drift)
+        speed = dot(closing, closing)
+        if speed > 0.0:
+            gap = combined(gap, max(0.0, -dot(gap, closing) / speed), closing)
+        if spheres.keep_out[k] > 0.0 and norm(gap) < spheres.keep_out[k]:
+            return False
+    return True

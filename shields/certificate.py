@@ -1,0 +1,186 @@
+"""The joint certificate: a stored stop that clears every sphere and keeps the specific thrust.
+
+Each sphere alone has an invariant set, but the intersection of such sets is not invariant: K spheres can
+demand opposite things. So a snap is accepted only together with a proof that the vehicle can still stop:
+
+    s_0, s_1, s_2 held for h each, dead-beat on (v, a, j):  s = −(v − w)/h³ − 2a/h² − 11j/(6h)
+
+brings the vehicle to rest, exactly, in the frame that moves with w. Every arc of it is checked
+(``shields.arcs``), and after the last one a ray test keeps the spheres that move at constant velocity away
+from the resting vehicle for ever. The stop ends in exact rest and is held there by feedback.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.jit import inline_kernel, kernel
+from quadsafe_core.vec3 import norm, scale, subtract
+from shields.arcs import (
+    Flat,
+    ThrustFloor,
+    arc_is_clear,
+    combined,
+    flat_of,
+    flown,
+    rest_is_clear,
+    write3,
+    write_flat,
+)
+from shields.radial import vector
+
+SEGMENTS = 3
+# Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
+LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
+# What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
+BLENDS = (0.5, 0.25)
+NOTHING = (0.0, 0.0, 0.0)
+ACCEPTED, BLENDED, STOPPED, UNCERTIFIED = range(4)
+
+
+class StopLimits(NamedTuple):
+    """What a stop may use: its largest snap, m/s⁴, and the thrust floor."""
+
+    snap_max: float
+    floor: ThrustFloor
+
+
+# The stored stop of one vehicle.
+PLAN = np.dtype(
+    [
+        ("is_certified", "?"),
+        ("reference", "f8", (4, 3)),
+        ("snap", "f8", (3,)),
+        ("frame", "f8", (3,)),
+        ("periods", "i8"),
+        ("periods_left", "i8"),
+        ("segments_left", "i8"),
+        ("choice", "i8"),
+    ]
+)
+
+
+@inline_kernel
+def dead_beat_snap(x, frame, h):
+    """First snap of the stop: three such, each held for h, end in v = w, a = j = 0."""
+    slow = combined(scale(-2 / h**2, x.a), -11 / (6 * h), x.j)
+    return combined(slow, -1 / h**3, subtract(x.v, frame))
+
+
+@kernel
+def stop_is_clear(x, start, frame, h, spheres, limits):
+    """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
+    for segment in range(SEGMENTS):
+        snap = dead_beat_snap(x, frame, h)
+        if norm(snap) > limits.snap_max:
+            return False
+        if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.floor):
+            return False
+        x = flown(x, snap, h)
+    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, spheres)
+
+
+@inline_kernel
+def periods_of(choice, period):
+    """Whole control periods in the segment length of that number."""
+    return max(1, round(LENGTHS[choice] / period))
+
+
+@kernel
+def clear_length(x, start, frame, first, period, spheres, limits):
+    """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
+    if stop_is_clear(x, start, frame, periods_of(first, period) * period, spheres, limits):
+        return first
+    for choice in range(len(LENGTHS)):
+        h = periods_of(choice, period) * period
+        if choice != first and stop_is_clear(x, start, frame, h, spheres, limits):
+            return choice
+    return -1
+
+
+@inline_kernel
+def write_stop(plan, x, frame, choice, period):
+    """Store the stop that begins at x."""
+    plan["is_certified"] = True
+    plan["choice"] = choice
+    plan["periods"] = periods_of(choice, period)
+    plan["segments_left"] = SEGMENTS
+    write_flat(plan["reference"], x)
+    write3(plan["frame"], frame)
+    begin_segment(plan, period)
+
+
+@inline_kernel
+def begin_segment(plan, period):
+    """Start the next segment of the stored stop; after the last one the vehicle is at rest in the frame."""
+    x, frame = flat_of(plan["reference"]), vector(plan["frame"])
+    plan["periods_left"] = plan["periods"]
+    if plan["segments_left"] > 0:
+        write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
+    else:
+        write3(plan["snap"], NOTHING)
+        write_flat(plan["reference"], Flat(x.r, frame, NOTHING, NOTHING))
+
+
+@inline_kernel
+def advance_stop(plan, period):
+    """Move the stored stop on by one period."""
+    write_flat(plan["reference"], flown(flat_of(plan["reference"]), vector(plan["snap"]), period))
+    plan["periods_left"] -= 1
+    if plan["periods_left"] == 0:
+        plan["segments_left"] = max(0, plan["segments_left"] - 1)
+        begin_segment(plan, period)
+
+
+@inline_kernel
+def tracking_snap(plan, x, gains):
+    """The stored stop's snap, with feedback on the deviation from its reference."""
+    ref = flat_of(plan["reference"])
+    u = combined(vector(plan["snap"]), gains[0], subtract(ref.r, x.r))
+    u = combined(u, gains[1], subtract(ref.v, x.v))
+    u = combined(u, gains[2], subtract(ref.a, x.a))
+    return combined(u, gains[3], subtract(ref.j, x.j))
+
+
+@kernel
+def adopt_stop(plan, x, start, period, spheres, limits):
+    """Store a stop that begins at x and keeps every limit; False, and nothing stored, if none is found.
+
+    It ends at rest in the world, or else in the frame of one of the moving spheres.
+    """
+    for k in range(-1, spheres.keep_out.shape[0]):
+        frame = NOTHING if k < 0 else vector(spheres.velocity[k])
+        if k < 0 or (spheres.keep_out[k] > 0.0 and frame != NOTHING):
+            choice = clear_length(x, start, frame, plan["choice"], period, spheres, limits)
+            if choice >= 0:
+                write_stop(plan, x, frame, choice, period)
+                return True
+    return False
+
+
+@kernel
+def accept(plan, x, snap, period, spheres, limits):
+    """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
+    if not arc_is_clear(x, snap, 0.0, period, spheres, limits.floor):
+        return False
+    return adopt_stop(plan, flown(x, snap, period), period, period, spheres, limits)
+
+
+@kernel
+def certified_snap(plan, x, wanted, is_wanted, period, spheres, limits, gains):
+    """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
+
+    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, or UNCERTIFIED when there is no stop at all.
+    """
+    if is_wanted and accept(plan, x, wanted, period, spheres, limits):
+        return wanted, ACCEPTED
+    if not plan["is_certified"] and not adopt_stop(plan, x, 0.0, period, spheres, limits):
+        return NOTHING, UNCERTIFIED
+    stop = tracking_snap(plan, x, gains)
+    if is_wanted:
+        for share in BLENDS:
+            blend = combined(stop, share, subtract(wanted, stop))
+            if accept(plan, x, blend, period, spheres, limits):
+                return blend, BLENDED
+    advance_stop(plan, period)
+    return stop, STOPPED

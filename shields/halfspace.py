@@ -1,0 +1,108 @@
+"""The half-space that keeps a vehicle outside one sphere for a period, and the choice of its direction.
+
+Along a fixed unit vector n, y = n·(r − c) is an exact fourth-order integrator, y⁗ = n·u, and y ≥ ρ keeps
+‖r − c‖ ≥ ρ. So the sampled filter on (n·j, n·a, n·v, y) is exact under a held snap and asks for
+``n·u ≥ U``. Every period n is chosen anew among
+
+    the last n                  admissible again, as long as the snap was flown and not capped
+    the line of sight
+    the direction of closest approach, if the vehicle flew straight on
+
+as the one in the invariant set of which the least correction is needed.
+"""
+
+import math
+from typing import NamedTuple
+
+from quadsafe_core.jit import inline_kernel, kernel
+from quadsafe_core.vec3 import dot, norm, scale
+from shields.arcs import combined
+from shields.radial import line_of_sight
+from shields.sampled import required
+
+# Beyond this the straight prediction says nothing, s.
+HORIZON = 2.0
+
+
+class Demand(NamedTuple):
+    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+
+    n: tuple
+    least: float
+    value: float
+    is_admissible: bool
+
+
+class Sampling(NamedTuple):
+    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ."""
+
+    u_max: float
+    gamma: float
+    input_max: float
+    period: float
+
+
+@kernel
+def least_input(order, state, wanted, bound, sampling):
+    """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
+    if bound == -math.inf:
+        return wanted, math.inf, True
+    u_max, gamma, input_max, period = sampling
+    return required(order, state, u_max, bound, period, gamma, wanted, input_max)
+
+
+@inline_kernel
+def demand_along(n, x, wanted, distance, sampling):
+    """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
+    y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
+    least, value, is_admissible = least_input(4, y, dot(n, wanted), distance, sampling)
+    return Demand(n, least, value, is_admissible)
+
+
+@inline_kernel
+def excess(demand, wanted):
+    """How far the wanted snap is outside the half-space, m/s⁴; 0 inside."""
+    return max(0.0, demand.least - dot(demand.n, wanted))
+
+
+@inline_kernel
+def better(first, second, wanted):
+    """The demand to prefer: in its set, then with less correction; the first of equals."""
+    if first.is_admissible != second.is_admissible:
+        return first if first.is_admissible else second
+    if first.is_admissible:
+        return second if excess(second, wanted) < excess(first, wanted) else first
+    return second if second.value > first.value else first
+
+
+@inline_kernel
+def closest_approach(x):
+    """From the sphere to the point of closest approach of a straight flight; the present point at rest."""
+    speed = dot(x.v, x.v)
+    ahead = min(HORIZON, max(0.0, -dot(x.r, x.v) / speed)) if speed > 0.0 else 0.0
+    return combined(x.r, ahead, x.v)
+
+
+@kernel
+def distance_demand(x, last, wanted, distance, sampling):
+    """The preferred half-space that keeps the distance; x is relative to the sphere, ``last`` its last n."""
+    demand = demand_along(line_of_sight(x.r)[1], x, wanted, distance, sampling)
+    if demand.is_admissible and excess(demand, wanted) == 0.0:
+        return demand
+    if dot(last, last) > 0.0:
+        demand = better(demand, demand_along(last, x, wanted, distance, sampling), wanted)
+    ahead = closest_approach(x)
+    length = norm(ahead)
+    if length > 0.0:
+        demand = better(demand, demand_along(scale(1 / length, ahead), x, wanted, distance, sampling), wanted)
+    return demand
+
+
+@inline_kernel
+def closing_along(n, x, wanted, closing, sampling):
+    """The least ``n·u``, from the wanted one up, that keeps closing speed, acceleration and jerk bounded."""
+    y1, y2, y3, U = dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, wanted)
+    speed, g3, holds3 = least_input(3, (0.0, y1, y2, y3), U, closing[0], sampling)
+    acceleration, g2, holds2 = least_input(2, (0.0, 0.0, y1, y2), U, closing[1], sampling)
+    jerk, g1, holds1 = least_input(1, (0.0, 0.0, 0.0, y1), U, closing[2], sampling)
+    return Demand(n, max(speed, acceleration, jerk), min(g3, g2, g1), holds3 and holds2 and holds1)
