@@ -31,6 +31,14 @@ def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[in
     return [rows, *(np.ascontiguousarray(np.broadcast_to(array, shape)).ravel() for array in arrays)], shape
 
 
+def checked_input(name: str, value: float) -> float:
+    """One ``u_max`` above 0 or ``u_min`` below 0 as a float."""
+    array = _checked(name, value)
+    if array.ndim != 0:
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return float(array)
+
+
 def _checked(name: str, value: ArrayLike) -> Array:
     """``value`` as finite floats; ``u_max`` above and ``u_min`` below 0."""
     is_plain = type(value) is float and math.isfinite(value)  # spares the one-row call most of its time
