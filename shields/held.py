@@ -1,0 +1,117 @@
+"""The chain of integrators under an input held for one period Δ and u_max ever after.
+
+    x_n(t) = [flow(x, u_max, t)]_n - (u_max - U) w(t)        w(t) = (tⁿ - max(t - Δ, 0)ⁿ) / n!
+    G(U) = min over t >= 0 of x_n(t) - bound
+
+Orders 1 to 4 share one form: a state is a 4-tuple with x_n last and zeros in front, and a held input is
+one more derivative.
+"""
+
+from quadsafe_core.jit import inline_kernel, kernel
+from shields.integrator import lower1, lower2, lower3, lower4
+from shields.polynomials import cubic_roots, evaluate
+
+
+@inline_kernel
+def derivatives(order, x, u):
+    """Derivatives of x_n under a held input, from the fourth down to x_n itself."""
+    if order == 4:
+        return (u, x[0], x[1], x[2], x[3])
+    if order == 3:
+        return (0.0, u, x[1], x[2], x[3])
+    if order == 2:
+        return (0.0, 0.0, u, x[2], x[3])
+    return (0.0, 0.0, 0.0, u, x[3])
+
+
+@inline_kernel
+def polynomial(y):
+    """x_n as a polynomial in t."""
+    return (y[0] / 24.0, y[1] / 6.0, 0.5 * y[2], y[3], y[4])
+
+
+@kernel
+def flow(y, t):
+    """The state after a time t."""
+    return (
+        y[1] + t * y[0],
+        y[2] + t * (y[1] + t * y[0] / 2.0),
+        y[3] + t * (y[2] + t * (y[1] / 2.0 + t * y[0] / 6.0)),
+        y[4] + t * (y[3] + t * (y[2] / 2.0 + t * (y[1] / 6.0 + t * y[0] / 24.0))),
+    )
+
+
+@kernel
+def lower(order, x, u_max):
+    """g_n above 0 and t_star."""
+    if order == 4:
+        return lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
+    if order == 3:
+        return lower3(x[1], x[2], x[3], u_max, 0.0)
+    if order == 2:
+        return lower2(x[2], x[3], u_max, 0.0)
+    return lower1(x[3], 0.0)
+
+
+@inline_kernel
+def _may_dip(y, period):
+    """Whether the Bernstein coefficients of dx_n/dt allow it to turn from negative to positive."""
+    a, b, c = y[2] * period / 3.0, y[1] * period * period / 6.0, y[0] * period * period * period / 6.0
+    first, second, third = y[3] + a, y[3] + 2.0 * a + b, y[3] + 3.0 * a + 3.0 * b + c
+    return (
+        (y[3] < 0.0 and max(first, second, third) > 0.0)
+        or (first < 0.0 and max(second, third) > 0.0)
+        or (second < 0.0 and third > 0.0)
+    )
+
+
+@kernel
+def _lower_in_period(y, period):
+    """Least x_n over the period but its end, and its time."""
+    value, t_star = y[4], 0.0
+    if _may_dip(y, period):
+        p = polynomial(y)
+        for t in cubic_roots(4.0 * p[0], 3.0 * p[1], 2.0 * p[2], p[3]):
+            if 0.0 < t < period:
+                at_t, _, _ = evaluate(p, t)
+                if at_t <= value:
+                    value, t_star = at_t, t
+    return value, t_star
+
+
+@kernel
+def lower_parts(order, x, u, period, u_max):
+    """Least x_n and its time, within the period and from its end on."""
+    y = derivatives(order, x, u)
+    dip, t_dip = _lower_in_period(y, period)
+    tail, t_tail = lower(order, flow(y, period), u_max)
+    return dip, t_dip, tail, period + t_tail
+
+
+@kernel
+def held_lower(order, x, u, period, u_max, bound):
+    """G(u) and its minimiser; ``x`` has four entries, zeros before those of the chain."""
+    x = (x[0], x[1], x[2], x[3] - bound)
+    dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
+    return (tail, t_tail) if tail <= dip else (dip, t_dip)
+
+
+@inline_kernel
+def weight(order, t, period):
+    """w(t), the slope of x_n(t) over U; of order n - 1 it is the rate of w."""
+    held, rest = min(t, period), max(t - period, 0.0)
+    if order == 4:
+        return held * (t + rest) * (t * t + rest * rest) / 24.0
+    if order == 3:
+        return held * (t * t + t * rest + rest * rest) / 6.0
+    if order == 2:
+        return held * (t + rest) / 2.0
+    if order == 1:
+        return held
+    return 0.0
+
+
+@kernel
+def held_lower4(x1, x2, x3, x4, u, period, u_max, bound):
+    """``held_lower`` of the fourth-order chain."""
+    return held_lower(4, (x1, x2, x3, x4), u, period, u_max, bound)
