@@ -31,8 +31,8 @@ def polynomial(y):
 
 
 @kernel
-def flow(y, t):
-    """The state after a time t."""
+def state_after(y, t):
+    """The state after a time t, from its derivatives."""
     return (
         y[1] + t * y[0],
         y[2] + t * (y[1] + t * y[0] / 2.0),
@@ -84,7 +84,7 @@ def lower_parts(order, x, u, period, u_max):
     """Least x_n and its time, within the period and from its end on."""
     y = derivatives(order, x, u)
     dip, t_dip = _lower_in_period(y, period)
-    tail, t_tail = lower(order, flow(y, period), u_max)
+    tail, t_tail = lower(order, state_after(y, period), u_max)
     return dip, t_dip, tail, period + t_tail
 
 
@@ -109,9 +109,3 @@ def weight(order, t, period):
     if order == 1:
         return held
     return 0.0
-
-
-@kernel
-def held_lower4(x1, x2, x3, x4, u, period, u_max, bound):
-    """``held_lower`` of the fourth-order chain."""
-    return held_lower(4, (x1, x2, x3, x4), u, period, u_max, bound)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.held import held_lower4
+from shields.held import held_lower
 from shields.integrator import lower4, lower_value
 from shields.integrator import required_input as continuous_input
-from shields.sampled import required4, sampled_input, sampled_value
+from shields.sampled import required, sampled_input, sampled_value
 
 U_MAX = 20.0
 BOUND = 1.0
@@ -172,8 +172,8 @@ def test_far_desired_inputs_have_one_answer(desired):
     x = states(rng, 4, rng.exponential(size=300))
     for period in PERIODS:
         # the least admissible input of all, wherever the search starts
-        least = [required4(*row, U_MAX, BOUND, period, 0.1, -math.inf, U_MAX)[0] for row in x]
-        u = [required4(*row, U_MAX, BOUND, period, 0.1, desired, U_MAX)[0] for row in x]
+        least = [required(4, tuple(row), U_MAX, BOUND, period, 0.1, -math.inf, U_MAX)[0] for row in x]
+        u = [required(4, tuple(row), U_MAX, BOUND, period, 0.1, desired, U_MAX)[0] for row in x]
         w = 1e-13 / period**4
         np.testing.assert_allclose(u, np.maximum(least, desired), rtol=1e-9, atol=24 * w)
 
@@ -189,18 +189,18 @@ def test_equation_17_by_hand():
 
 
 @pytest.mark.interpreted
-def test_kernels_of_the_fourth_order_agree_with_the_public_functions():
+def test_kernels_agree_with_the_public_functions():
     x = (-3.0, 1.0, -2.0, 4.0)
-    value, t_star = held_lower4(*x, -100.0, 0.02, U_MAX, BOUND)
+    value, t_star = held_lower(4, x, -100.0, 0.02, U_MAX, BOUND)
     assert (value, t_star) == tuple(map(float, sampled_value(x, -100.0, 0.02, U_MAX, BOUND)))
-    u, value, is_inside = required4(*x, U_MAX, BOUND, 0.02, -math.expm1(-0.04), -1e5, 3 * U_MAX)
+    u, value, is_inside = required(4, x, U_MAX, BOUND, 0.02, -math.expm1(-0.04), -1e5, 3 * U_MAX)
     expected, in_set = sampled_input(x, -1e5, 0.02, U_MAX, BOUND, 2.0)
     assert u == expected and is_inside == in_set and value == lower4(*x, U_MAX, BOUND)[0]
 
 
 @pytest.mark.interpreted
 def test_not_a_number_ends_at_the_largest_input():
-    u, _, _ = required4(0.0, 0.0, 0.0, 2.0, U_MAX, BOUND, 0.02, 0.1, math.nan, 3 * U_MAX)
+    u, _, _ = required(4, (0.0, 0.0, 0.0, 2.0), U_MAX, BOUND, 0.02, 0.1, math.nan, 3 * U_MAX)
     assert u <= U_MAX
 
 
