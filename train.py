@@ -38,7 +38,7 @@ def evaluate(command: Evaluate) -> int:
 
     with errors_as_sentences():
         run = runs.open_run(command.run)
-        evaluate.evaluate_run(run, command.eval_episodes)
+        evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
     print(report.write_report(run))
     return 0
 

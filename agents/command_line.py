@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from agents.config import Experiment, Options
+from agents.config import Experiment, Options, check_positive
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,9 @@ class Evaluate:
     """Number of held-out scenes, when another than that of the run."""
     num_threads: int = 1
     """Threads of torch."""
+
+    def __post_init__(self):
+        check_positive(self, "num_threads", *(["eval_episodes"] if self.eval_episodes is not None else []))
 
 
 def parse(arguments: Sequence[str] | None = None) -> Train | Evaluate:

@@ -11,6 +11,7 @@ import tyro
 Arm = Literal["none", "shield"]
 ARMS: tuple[Arm, ...] = get_args(Arm)
 SHIELDED_ARM: Arm = "shield"
+SEED_LIMIT = 2**32
 
 
 def _pairs(words: list[str]) -> dict[str, Any]:
@@ -71,10 +72,7 @@ class PpoSettings:
     """Widths of the hidden layers of policy and value."""
 
     def __post_init__(self):
-        from quadsafe_core.checks import positive_integer
-
-        for name in ("n_envs", "n_steps", "batch_size", "n_epochs"):
-            positive_integer(name, getattr(self, name))
+        check_positive(self, "n_envs", "n_steps", "batch_size", "n_epochs")
         if self.n_envs * self.n_steps % self.batch_size:
             raise ValueError(
                 f"batch_size must divide n_envs * n_steps = {self.n_envs * self.n_steps}, got {self.batch_size}"
@@ -106,16 +104,11 @@ class Experiment:
     ppo: PpoSettings = field(default_factory=PpoSettings)
 
     def __post_init__(self):
-        from quadsafe_core.checks import one_of, positive_integer
-
-        for name in ("n_timesteps", "n_seeds", "eval_episodes"):
-            positive_integer(name, getattr(self, name))
-        if not 0 <= self.seed < 2**32:
+        check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
+        if not isinstance(self.seed, int) or not 0 <= self.seed < SEED_LIMIT:
             raise ValueError(f"seed must be an integer in [0, 2^32), got {self.seed!r}")
-        if not self.arms:
-            raise ValueError("arms must name at least one arm, got none")
-        for arm in self.arms:
-            one_of("arms", arm, ARMS)
+        if not self.arms or len(set(self.arms)) < len(self.arms) or set(self.arms) - set(ARMS):
+            raise ValueError(f"arms must be one or several of {', '.join(ARMS)}, got {list(self.arms)}")
 
     @property
     def seeds(self) -> range:
@@ -141,9 +134,7 @@ class Options:
     """Threads of torch; more make networks this small slower."""
 
     def __post_init__(self):
-        from quadsafe_core.checks import positive_integer
-
-        positive_integer("num_threads", self.num_threads)
+        check_positive(self, "num_threads")
 
 
 def to_dict(settings: Experiment | Options) -> dict[str, Any]:
@@ -157,17 +148,28 @@ def experiment_from_dict(table: dict[str, Any]) -> Experiment:
     Raises:
         ValueError: for names that an experiment does not have, or a setting out of its range.
     """
-    ppo = dict(table.get("ppo", {}))
+    ppo = _entry(table, "ppo", dict)
     if "net_arch" in ppo:
-        ppo["net_arch"] = tuple(ppo["net_arch"])
-    arms = {"arms": tuple(table["arms"])} if "arms" in table else {}
-    return _known(Experiment, {**table, **arms, "ppo": _known(PpoSettings, ppo)})
+        ppo = {**ppo, "net_arch": tuple(_entry(ppo, "net_arch", list))}
+    fields = {name: _entry(table, name, dict) for name in ("env_kwargs", "shield")}
+    if "arms" in table:
+        fields["arms"] = tuple(_entry(table, "arms", list))
+    return _known(Experiment, {**table, **fields, "ppo": _known(PpoSettings, ppo)})
+
+
+def _entry(table: dict[str, Any], name: str, kind: type) -> Any:
+    value = table.get(name, kind())
+    if not isinstance(value, kind):
+        raise ValueError(f"config.yml must have a {kind.__name__} as {name}, got {value!r}")
+    return value
 
 
 def _known(kind: type, table: dict[str, Any]):
     unknown = set(table) - {field.name for field in dataclasses.fields(kind)}
     if unknown:
-        raise ValueError(f"config.yml must hold fields of {kind.__name__} only, got {sorted(unknown)}")
+        raise ValueError(
+            f"config.yml must hold fields of {kind.__name__} only, got {sorted(map(str, unknown))}"
+        )
     return kind(**table)
 
 
@@ -177,3 +179,12 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]
     return str(value) if isinstance(value, Path) else value
+
+
+def check_positive(settings: Any, *names: str) -> None:
+    """Raise a ValueError unless these fields are integers of at least 1."""
+    # Not quadsafe_core.checks, which needs numpy: too slow for --help.
+    for name in names:
+        value = getattr(settings, name)
+        if not isinstance(value, int) or value < 1:
+            raise ValueError(f"{name} must be an integer >= 1, got {value!r}")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+import torch
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
@@ -44,9 +45,16 @@ def fly(policy: Policy, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.voi
     return episodes
 
 
-def evaluate_run(run: Run, eval_episodes: int | None = None) -> None:
-    """Fly every model of the run, shield on and off, on the same held-out scenes, into evaluation.csv."""
-    scenes = held_out_scenes(eval_episodes or run.experiment.eval_episodes)
+def evaluate_run(run: Run, eval_episodes: int | None = None, num_threads: int = 1) -> None:
+    """Fly every model of the run, shield on and off, on the same held-out scenes, into evaluation.csv.
+
+    Args:
+        run: the run.
+        eval_episodes: number of scenes; None for the run's own.
+        num_threads: threads of torch.
+    """
+    torch.set_num_threads(num_threads)
+    scenes = held_out_scenes(run.experiment.eval_episodes if eval_episodes is None else eval_episodes)
     rows = []
     for arm, seed in run.trained():
         policy = load_policy(run, arm, seed)

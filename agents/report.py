@@ -23,9 +23,9 @@ COUNTED = {
 }
 RATES = {"violation_rate": "violations", "success_rate": "successes"}
 NOTE = """\
-Violation: inside a keep-out sphere at any physics substep. Success: at the goal without a violation.
-Intervened: policy steps in which the shield changed a command. In brackets: exact 95 % bounds of the
-rate (Clopper-Pearson, over the episodes of all seeds; one-sided next to 0 and 100)."""
+Violations: episodes that entered a keep-out sphere at any physics substep. Success: at the goal
+without a violation. Intervened: policy steps in which the shield changed a command. In brackets:
+exact 95 % bounds (Clopper-Pearson, over the episodes of all seeds; one-sided next to 0 and 100)."""
 
 
 def exact_bounds(count: int, n: int) -> tuple[float, float]:
@@ -109,7 +109,7 @@ def report_text(run: Run, training: list[dict], evaluation: list[dict]) -> str:
     ]
     if evaluation:
         scenes = max(row["episodes"] for row in evaluation if row["seed"] != "all")
-        title = f"Evaluation of every model on the same {scenes:,} held-out scenes, without and with shield"
+        title = f"Evaluation: every model on the same {scenes:,} held-out scenes, without and with shield"
         parts.append(title + "\n" + aligned(_evaluation_table(_pooled(evaluation))))
     return "\n\n".join([*parts, NOTE]) + "\n"
 
@@ -139,7 +139,7 @@ def _digits(rate: float) -> str:
     return f"{percent:.2f}" if percent < 1.0 or percent > 99.0 else f"{percent:.1f}"
 
 
-CELLS = ["episodes", "violations", "rate, %", "success, %", "return", "intervened, %"]
+CELLS = ["violations", "rate, %", "success, %", "return", "intervened"]
 
 
 def _training_table(rows: list[dict]) -> list[list[str]]:
@@ -155,17 +155,16 @@ def _evaluation_table(rows: list[dict]) -> list[list[str]]:
 def _cells(row: dict[str, Any]) -> list[str]:
     is_flown = row["shield"] and row["episodes"]
     return [
-        f"{row['episodes']:,}",
-        f"{row['violations']:,}",
+        f"{row['violations']:,} of {row['episodes']:,}",
         percentage(row, "violation_rate"),
         percentage(row, "success_rate"),
         "-" if row["return"] is None else f"{row['return']:.2f}",
-        f"{100 * row['intervention_rate']:.1f}" if is_flown else "-",
+        f"{row['intervention_rate']:.1%}" if is_flown else "-",
     ]
 
 
 def _arm(is_shielded: bool) -> str:
-    return "with shield" if is_shielded else "without"
+    return "shield" if is_shielded else "no shield"
 
 
 def _pooled(rows: list[dict]) -> list[dict]:

@@ -1,0 +1,17 @@
+"""SAC of Stable-Baselines3 behind the shield, on four single envs."""
+
+from stable_baselines3 import SAC
+from stable_baselines3.common.env_util import make_vec_env
+
+from shields import ShieldWrapper
+
+
+def train(total_timesteps: int = 100_000, **settings) -> SAC:
+    env = make_vec_env(
+        "quadsafe_env:QuadSafe/Avoid-v0", 4, wrapper_class=ShieldWrapper, wrapper_kwargs={"margin": 0.01}
+    )
+    return SAC("MlpPolicy", env, device="cpu", **settings).learn(total_timesteps)
+
+
+if __name__ == "__main__":
+    train(verbose=1).save("sac_avoid")
