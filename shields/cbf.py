@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import positive_number
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import dot
-from shields.filtered import Filtered, Measured
+from shields.filtered import Measured, closing_bounds
 from shields.integrator import lower1, lower2, lower3, lower4, required_input
 from shields.radial import checked_rows, motion_about, shifted_snap, vector
 
@@ -73,11 +73,11 @@ def closest_input(state, U_des, distance, bounds, limits):
 
 @inline_kernel
 def safe_snap(flat, center, distance, snap, bounds, limits):
-    """Steps B, C and D of Section V for one sphere: the nearest safe snap and the least set value."""
+    """Steps B, C and D of Section V for one sphere: the nearest safe snap, its U, and the least set value."""
     state, n, T = motion_about(flat, center)
     U_des = dot(n, snap) + T
     U, value = closest_input(state, U_des, distance, bounds, limits)
-    return (snap if U_des == U else shifted_snap(snap, n, U - U_des)), value
+    return (snap if U_des == U else shifted_snap(snap, n, U - U_des)), U, value
 
 
 @inline_kernel
@@ -91,7 +91,7 @@ def present_obstacle(radius):
 
 
 @kernel
-def safe_snap_batch(flat, center, radius, desired, constants, snap, value):
+def safe_snap_batch(flat, center, radius, desired, constants, snap, decisions):
     """Rows of ``safe_snap``; returns the first row with several spheres, or −1.
 
     ``constants``: keep-out distance per radius, then the entries of ``ClosingBounds`` and of ``Limits``.
@@ -99,12 +99,15 @@ def safe_snap_batch(flat, center, radius, desired, constants, snap, value):
     bounds = ClosingBounds(constants[1], constants[2], constants[3])
     limits = Limits(constants[4], constants[5], constants[6])
     for i in range(flat.shape[0]):
-        k = present_obstacle(radius[i])
+        k, wanted = present_obstacle(radius[i]), vector(desired[i])
         if k == -2:
             return i
-        u, value[i] = vector(desired[i]), math.inf
+        u, U, value = wanted, -math.inf, math.inf
         if k >= 0:
-            u, value[i] = safe_snap(flat[i], center[i, k], constants[0] * radius[i, k], u, bounds, limits)
+            u, U, value = safe_snap(flat[i], center[i, k], constants[0] * radius[i, k], wanted, bounds, limits)
+        decisions[i]["value"] = value
+        if u != wanted:
+            decisions[i]["obstacle"], decisions[i]["reserve"] = k, max(0.0, U / limits.u_max)
         for axis in range(3):
             snap[i, axis] = u[axis]
     return -1
@@ -152,8 +155,7 @@ class CbfMethod:
     """Equation (33), one sphere per row; it needs no memory."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        closing = ("max_closing_speed", "max_closing_acceleration", "max_closing_jerk")
-        bounds = ClosingBounds(*(-math.inf if settings[k] is None else -settings[k] for k in closing))
+        bounds = closing_bounds(settings)
         u_max = settings["snap_max"]
         limits = Limits(u_max, settings["alpha"], settings["reserve"] * u_max)
         # One array crosses into the kernel faster than two named tuples, by 1 µs of 5.
@@ -165,11 +167,14 @@ class CbfMethod:
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """No memory."""
 
-    def filter_rows(self, measured: Measured, desired: NDArray, period: float, answer: Filtered) -> None:
-        """Filter every row; several spheres in a row are an error."""
-        crowded = safe_snap_batch(*measured, desired, self._constants, answer.snap, answer.value)
+    def filter_rows(self, measured: Measured, desired: NDArray, period: float, snap, decisions) -> None:
+        """Filter every row; several spheres in a row are an error, and so are moving ones."""
+        flat, center, radius, velocity = measured
+        if velocity.any():
+            raise ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
+        crowded = safe_snap_batch(flat, center, radius, desired, self._constants, snap, decisions)
         if crowded >= 0:
-            count = np.count_nonzero(measured.radius[crowded])
+            count = np.count_nonzero(radius[crowded])
             raise ValueError(
                 f"method 'cbf' takes one obstacle, got {count} with radius > 0; several need method 'sampled'"
             )

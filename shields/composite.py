@@ -126,11 +126,9 @@ class BoxSet:
         self.lower = _checked_bounds("lower", lower, -math.inf)
         self.upper = _checked_bounds("upper", upper, math.inf)
         if self.lower.shape != self.upper.shape:
-            raise ValueError(
-                f"lower and upper must be equally long, got {len(self.lower)} and {len(self.upper)}"
-            )
+            raise ValueError(f"upper must have {len(self.lower)} bounds as lower has, got {len(self.upper)}")
         if len(self.lower) > 2:
-            raise ValueError(f"BoxSet takes n = 1 or 2 bounds per side, got {len(self.lower)}")
+            raise ValueError(f"n must be 1 or 2, got lower and upper with {len(self.lower)} bounds each")
         if (self.lower > self.upper).any():
             raise ValueError(f"lower must be <= upper, got {self.lower.tolist()} and {self.upper.tolist()}")
         self.u_min, self.u_max = checked_input("u_min", u_min), checked_input("u_max", u_max)

@@ -5,20 +5,26 @@ the result is flown if a stop after it is certified, and the stored stop otherwi
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import Flat, Spheres, ThrustFloor, combined, flat_of, write3
-from shields.certificate import UNCERTIFIED, StopLimits, certified_snap
+from shields.certificate import ACCEPTED, PLAN, STOPPED, UNCERTIFIED, StopLimits, certified_snap
+from shields.filtered import BRAKING_POLE, Measured, closing_bounds
 from shields.halfspace import Sampling, closing_along, demand_along, distance_demand, excess
 from shields.projection import project
 from shields.radial import line_of_sight, vector
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
 SLACK = 1.0 - 1e-12
+# Pole of the feedback on the deviation from the stored stop, 1/s.
+TRACKING_POLE = 8.0
 # The stored stop is lost once the vehicle is off its reference by this fraction of the margin.
 NEAR = 0.25
 
@@ -47,10 +53,6 @@ class Work(NamedTuple):
 SEEN = np.dtype([("center", "f8", (3,)), ("velocity", "f8", (3,)), ("radius", "f8"), ("normal", "f8", (3,))])
 
 
-# What the shield decided in one period, beside the snap.
-DECISION = np.dtype([("kind", "i8"), ("obstacle", "i8"), ("value", "f8"), ("reserve", "f8")])
-
-
 @inline_kernel
 def relative_to(x, center, velocity):
     """The flat state relative to a sphere that moves at constant velocity."""
@@ -61,7 +63,7 @@ def relative_to(x, center, velocity):
 def choose_directions(x, wanted, spheres, seen, has_stop, settings, work, decision):
     """Pick the normals and the distances to keep; note the least set value. Absent spheres stay idle."""
     center, velocity, radius = spheres
-    decision["value"], decision["reserve"], decision["obstacle"] = math.inf, 0.0, -1
+    decision["value"] = math.inf
     for k in range(radius.shape[0]):
         work.keep_out[k] = 0.0
         work.is_idle[k] = radius[k] <= 0.0
@@ -183,6 +185,15 @@ def stop_limits(x, stop):
     )
 
 
+@inline_kernel
+def note_kind(decision, kind, is_clear_now):
+    """Write down what was flown."""
+    decision["refused"] = kind != ACCEPTED
+    decision["stopped"] = kind == STOPPED
+    decision["certified"] = kind != UNCERTIFIED and is_clear_now
+    decision["fallback"] |= kind == STOPPED or not decision["certified"]
+
+
 @kernel
 def joint_snap(x, wanted, is_wanted, spheres, seen, plan, settings, work, decision):
     """The safe snap of one vehicle for one period; spheres are (center, velocity, radius)."""
@@ -192,25 +203,66 @@ def joint_snap(x, wanted, is_wanted, spheres, seen, plan, settings, work, decisi
     nearest, is_feasible = nearest_snap(x, wanted, spheres, seen, settings, work, decision)
     limits, clear = stop_limits(x, settings.stop), Spheres(center, velocity, work.keep_out)
     is_wanted &= is_feasible
-    snap, decision["kind"] = certified_snap(
+    snap, kind = certified_snap(
         plan, x, nearest, is_wanted, settings.sampling.period, clear, limits, settings.gains
     )
-    if decision["kind"] == UNCERTIFIED:
+    if kind == UNCERTIFIED:
         snap = backup_snap(x, spheres, seen, settings, work, decision)
-    elif not is_outside(x, center, radius):
-        decision["kind"] = UNCERTIFIED
+    note_kind(decision, kind, is_outside(x, center, radius))
     decision["reserve"] /= settings.sampling.u_max
     foresee(spheres, seen, settings.sampling.period)
     return snap
 
 
 @kernel
-def joint_batch(
-    flat, center, velocity, radius, desired, is_invalid, seen, plans, settings, work, decisions, snap
-):
-    """Rows of ``joint_snap``."""
+def joint_batch(flat, center, radius, velocity, desired, seen, plans, settings, work, snap, decisions):
+    """Rows of ``joint_snap``; a desired snap that was not finite is not wanted."""
     for i in range(flat.shape[0]):
-        x, wanted, is_wanted = flat_of(flat[i]), vector(desired[i]), not is_invalid[i]
+        x, wanted, is_wanted = flat_of(flat[i]), vector(desired[i]), not decisions[i]["fallback"]
         spheres = (center[i], velocity[i], radius[i])
         safe = joint_snap(x, wanted, is_wanted, spheres, seen[i], plans[i], settings, work, decisions[i])
         write3(snap[i], safe)
+
+
+class SampledMethod:
+    """Half-spaces, projection and certificate, for any number of spheres; remembers directions and stops."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        self._settings, self._period = settings, math.nan
+
+    def allocate(self, rows: int, obstacles: int) -> None:
+        """Empty memory for every row."""
+        self._seen = np.zeros((rows, obstacles), dtype=SEEN)
+        self._plans = np.zeros(rows, dtype=PLAN)
+        normals, offsets = np.zeros((2 * obstacles, 3)), np.zeros(2 * obstacles)
+        self._work = Work(normals, offsets, np.zeros(obstacles), np.zeros(obstacles, dtype=np.bool_))
+
+    def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Empty the memory of some rows."""
+        self._seen[mask] = np.zeros((), dtype=SEEN)
+        self._plans[mask] = np.zeros((), dtype=PLAN)
+
+    def filter_rows(self, measured: Measured, desired: NDArray, period: float, snap, decisions) -> None:
+        """Filter every row."""
+        if period != self._period:
+            self._change_period(period)
+        joint_batch(*measured, desired, self._seen, self._plans, self._joint, self._work, snap, decisions)
+
+    def _change_period(self, period: float) -> None:
+        # A stop is stored in whole periods: of another length it would be another stop.
+        self._plans["is_certified"] = False
+        self._period, self._joint = period, joint_settings(self._settings, period)
+
+
+def joint_settings(settings: Mapping[str, Any], period: float) -> JointSettings:
+    """The settings of a shield at a control period, s, as the kernels take them."""
+    u_max, gamma = settings["snap_max"], -math.expm1(-settings["alpha"] * period)
+    input_max = settings["reserve"] * u_max
+    return JointSettings(
+        Sampling(u_max, gamma, input_max, period),
+        StopLimits(input_max, ThrustFloor(settings["thrust_min"], settings["gravity"])),
+        settings["margin"],
+        closing_bounds(settings),
+        tuple(held_gains(4, TRACKING_POLE, period).tolist()),
+        tuple(held_gains(3, BRAKING_POLE, period).tolist()),
+    )

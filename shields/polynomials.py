@@ -8,6 +8,8 @@ roots of the derivative cut the line into pieces with at most one root each.
 
 import math
 
+import numpy as np
+
 from quadsafe_core.jit import inline_kernel, kernel
 
 LARGEST = 1.7976931348623157e308
@@ -85,10 +87,11 @@ def cubic_roots(a, b, c, d):
         low, high = quadratic_roots(b, c, d)
         return low, high, ABSENT
     B, C, D, k = _monic(a, b, c, d)
-    s = _isolated_root(C - B * B, B * B * B - 1.5 * B * C + D)
+    P = C - B * B
+    s = _isolated_root(P, B * B * B - 1.5 * B * C + D)
     if s * B > 0.0 and abs(B) > 0.5 * abs(s):
         # s - B cancels, the other two roots do not: the third follows from the product of all
-        product = B * B + s * B + (s * s + 3.0 * (C - B * B))
+        product = B * B + s * B + (s * s + 3.0 * P)
         low, high = quadratic_roots(1.0, 2.0 * B + s, product)
         root = -2.0 * D / product
         if k != 0:
@@ -96,8 +99,10 @@ def cubic_roots(a, b, c, d):
             root = _small_root(a, d, product, k)
     else:
         root = s - B if k == 0 else _clamped(times_power_of_two(s - B, k))
+        if P > 0.0:
+            return root, ABSENT, ABSENT
         if root == 0.0:
-            return (0.0, 0.0, 0.0) if c == 0.0 else (0.0, ABSENT, ABSENT)
+            return 0.0, 0.0, 0.0
         # what remains is divided from the low end: this keeps roots that are small against this one
         low, high = quadratic_roots(-a * root, c + d / root, d)
     return _inserted(root, low, high)
@@ -130,7 +135,7 @@ def _isolated_root(P, Q):
         w = math.sqrt(-P)
         s = 2.0 * w * math.cos(math.acos(min(abs(Q) / (w * w * w), 1.0)) / 3.0)
         return math.copysign(s, -Q)
-    w = (abs(Q) + math.sqrt(discriminant)) ** (1.0 / 3.0)
+    w = float(np.cbrt(abs(Q) + math.sqrt(discriminant)))
     if w == 0.0:
         return 0.0
     v = P / w

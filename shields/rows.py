@@ -21,14 +21,21 @@ def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[in
     arrays = [_checked(name, value) for name, value in others.items()]
     shapes = [x.shape[:-1], *(array.shape for array in arrays)]
     if not any(shapes):
-        return [x.reshape(1, order), *(array.reshape(1) for array in arrays)], ()
+        return [_spread(x, (order,)).reshape(1, order), *(array.reshape(1) for array in arrays)], ()
     try:
         shape = np.broadcast_shapes(*shapes)
     except ValueError as error:
         named = ", ".join(map(str, shapes))
         raise ValueError(f"x, {', '.join(others)} must have leading shapes that fit, got {named}") from error
-    rows = np.ascontiguousarray(np.broadcast_to(x, (*shape, order))).reshape(-1, order)
-    return [rows, *(np.ascontiguousarray(np.broadcast_to(array, shape)).ravel() for array in arrays)], shape
+    rows = _spread(x, (*shape, order)).reshape(-1, order)
+    return [rows, *(_spread(array, shape).reshape(-1) for array in arrays)], shape
+
+
+def _spread(array: Array, shape: tuple[int, ...]) -> Array:
+    """``array`` broadcast to a shape, writable: kernels would compile once more for read-only arrays."""
+    if array.shape == shape and array.flags.writeable:
+        return array
+    return np.broadcast_to(array, shape).copy()
 
 
 def checked_input(name: str, value: float) -> float:

@@ -9,7 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, non_negative_number, one_of, positive_number, shaped_array
 from shields.cbf import CbfMethod
-from shields.filtered import Filtered, Measured, compare_batch, desired_or_braking, new_filtered
+from shields.filtered import DECISION, Filtered, Measured, compare_batch, desired_or_braking
+from shields.joint import SampledMethod
 
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
@@ -23,52 +24,67 @@ class Method(Protocol):
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of the rows of ``mask`` (N,)."""
 
-    def filter_rows(self, measured: Measured, desired: NDArray, period: float, answer: Filtered) -> None:
-        """Write snap and value of the answer, and set fallback where a backup is flown.
+    def filter_rows(self, measured: Measured, desired: NDArray, period: float, snap, decisions) -> None:
+        """Write the safe snaps and the decisions.
 
         Args:
-            measured: flat states (N, 4, 3), centres (N, K, 3) and radii (N, K), all finite.
+            measured: flat states, centres, radii and velocities, all finite.
             desired: (N, 3) finite snaps.
             period: control period, s.
-            answer: where to write; ``fallback`` is already set where the desired snap was not finite.
+            snap: (N, 3), to be written.
+            decisions: (N,) of ``DECISION``; ``fallback`` is set where the desired snap was not finite.
         """
 
 
-METHODS = {"cbf": CbfMethod}
+METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
 
 
 class Shield:
     """Turns desired snaps into safe ones: one memory for one plant, or for N plants flown together.
 
-    The state (r, ṙ, r̈, r⃛) of each plant is held at least a keep-out radius away from the centre of an
-    obstacle. The correction is the least one that the method allows; where none is needed, the desired snap
-    comes back bit for bit. A desired snap that is not finite is replaced by one that brakes to rest, filtered
-    like any other, and reported as ``fallback``.
+    Each plant is held at least a keep-out radius away from the centre of every sphere. Where no correction
+    is needed, the desired snap comes back bit for bit.
+
+    Method "sampled" holds under a snap held for the period, at any rate, for any number of spheres, between
+    samples too. It projects the desired snap onto one half-space per sphere, and flies the result if a stop
+    after it is certified: a stored manoeuvre to rest that clears every sphere and keeps the specific thrust
+    ‖r̈ + g e3‖ at its floor. Otherwise it flies a part of the way to it, or the stored stop, which is also its
+    answer to a desired snap that is not finite. From a state without any stop, recovery is best effort.
+
+    Method "cbf" is the filter (33) of the paper for one sphere, a statement about continuous time: held over
+    a period it can be violated. It answers a desired snap that is not finite by braking, filtered.
+
+    Every departure is reported in ``Filtered``.
 
     Args:
-        method: "cbf", the filter (33) of the paper, a statement about continuous time.
+        method: "sampled" or "cbf".
         snap_max: ū, snap along the line of sight that the invariant sets count on, m/s⁴.
-        reserve: U_max/ū ≥ 1, how far beyond ū a state that has left the set may be pushed back.
+        reserve: U_max/ū ≥ 1, how far beyond ū a state outside its set may be pushed back, and a stop go.
         alpha: α, how fast a set value may decay, 1/s.
         margin: how far outside the keep-out radius the set ends, as a fraction of that radius.
-        max_closing_speed: bound of −Ṙ, m/s, or None.
+        thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled").
+        gravity: g, m/s² ("sampled").
+        max_closing_speed: bound of −Ṙ, m/s, or None; "sampled" keeps it along the line of sight of each period.
         max_closing_acceleration: bound of −R̈, m/s², or None.
         max_closing_jerk: bound of −R⃛, m/s³, or None.
 
     Raises:
         ValueError: for a setting out of its range.
 
-    Reference: Section V, equation (33).
+    Reference: Section V, equation (33); for "sampled" see ``shields.sampled``, ``shields.halfspace`` and
+    ``shields.certificate``.
     """
 
     def __init__(
         self,
         *,
-        method: str = "cbf",
-        snap_max: float = 100.0,
+        method: str = "sampled",
+        snap_max: float = 200.0,
         reserve: float = 3.0,
         alpha: float = 2.0,
         margin: float = 0.005,
+        thrust_min: float = 1.0,
+        gravity: float = 9.81,
         max_closing_speed: float | None = None,
         max_closing_acceleration: float | None = None,
         max_closing_jerk: float | None = None,
@@ -79,6 +95,8 @@ class Shield:
             "reserve": _at_least_one("reserve", reserve),
             "alpha": positive_number("alpha", alpha),
             "margin": non_negative_number("margin", margin),
+            "thrust_min": non_negative_number("thrust_min", thrust_min),
+            "gravity": positive_number("gravity", gravity),
             "max_closing_speed": _optional("max_closing_speed", max_closing_speed),
             "max_closing_acceleration": _optional("max_closing_acceleration", max_closing_acceleration),
             "max_closing_jerk": _optional("max_closing_jerk", max_closing_jerk),
@@ -95,7 +113,15 @@ class Shield:
         return f"Shield({', '.join(f'{key}={value!r}' for key, value in self._settings.items())})"
 
     def filter(
-        self, flat: ArrayLike, center: ArrayLike, radius: ArrayLike, snap: ArrayLike, period: float
+        self,
+        flat: ArrayLike,
+        center: ArrayLike,
+        radius: ArrayLike,
+        snap: ArrayLike,
+        period: float,
+        *,
+        velocity: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
     ) -> Filtered:
         """The safe snaps of one control period.
 
@@ -107,13 +133,15 @@ class Shield:
             radius: (N, K) keep-out radii, m; 0 where there is no sphere.
             snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
             period: for how long the snap is held, s.
+            velocity: (N, K, 3) constant velocities of the spheres, m/s; at rest without.
+            acceleration: must be absent or 0: a certified stop cannot rest in the way of a sphere that turns.
 
         Returns:
             ``Filtered``.
 
         Raises:
-            ValueError: for wrong shapes, measurements that are not finite, radius < 0, period <= 0, or more
-                spheres than the method takes.
+            ValueError: for wrong shapes, measurements that are not finite, radius < 0, period <= 0,
+                accelerating spheres, or spheres that the method does not take.
         """
         flats, centers, radii, snaps = map(_as_array, (flat, center, radius, snap))
         is_single = flats.ndim == 2
@@ -124,20 +152,24 @@ class Shield:
             raise _shape_error(flat, center, radius, snap)
         if not (type(period) is float and 0.0 < period < math.inf):
             period = positive_number("period", period)
+        if acceleration is not None and np.any(acceleration):
+            raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
         if size != self._size:
             self._begin(size)
-        answer = self._filter_rows(flats, centers, radii, snaps, period)
-        return _single(answer) if is_single else answer
+        moving = self._at_rest if velocity is None else _velocity_rows(velocity, centers.shape)
+        answer = self._filter_rows(Measured(flats, centers, radii, moving), snaps, period)
+        return Filtered(*(field[0] for field in answer)) if is_single else answer
 
-    def _filter_rows(self, flat, center, radius, snap, period: float) -> Filtered:
-        measured, answer = Measured(flat, center, radius), new_filtered(flat.shape[0])
-        desired = desired_or_braking(measured, snap, period, answer.fallback)
+    def _filter_rows(self, measured: Measured, wanted, period: float) -> Filtered:
+        snap, decisions = np.empty(wanted.shape), np.empty(len(wanted), dtype=DECISION)
+        desired = desired_or_braking(measured, wanted, period, decisions)
         if desired is None:
             raise _measurement_error(measured)
-        self._method.filter_rows(measured, desired, period, answer)
-        if not compare_batch(desired, *answer[:-1]):
-            raise ValueError(f"flat must be small enough for float64 arithmetic, got up to {abs(flat).max():g}")
-        return answer
+        self._method.filter_rows(measured, desired, period, snap, decisions)
+        if not compare_batch(desired, snap, decisions):
+            largest = abs(measured.flat).max()
+            raise ValueError(f"flat must be small enough for float64 arithmetic, got up to {largest:g}")
+        return Filtered(snap, *(decisions[field] for field in Filtered._fields[1:]))
 
     def _begin(self, size: tuple[int, int]) -> None:
         if self._size is not None:
@@ -145,6 +177,7 @@ class Shield:
                 f"flat and radius must keep their N and K until reset(), got {size} after {self._size}"
             )
         self._method.allocate(*size)
+        self._at_rest = np.zeros((*size, 3))
         self._size = size
 
     def reset(self, mask: ArrayLike | None = None) -> None:
@@ -202,8 +235,11 @@ def _measurement_error(measured: Measured) -> ValueError:
     return ValueError(f"radius must be >= 0, got {measured.radius.min()}")
 
 
-def _single(answer: Filtered) -> Filtered:
-    return Filtered(*(field[0] for field in answer))
+def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    rows = _as_array(velocity)
+    if rows.size != math.prod(shape) or rows.shape[-2:] != shape[-2:]:
+        raise ValueError(f"velocity must have the shape of center, got {np.shape(velocity)}")
+    return rows.reshape(shape)
 
 
 def _at_least_one(name: str, value: float) -> float:

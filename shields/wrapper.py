@@ -5,7 +5,7 @@ It calls ``snap_filter.filter(flat, center, radius, snap, period)`` once per con
 the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -17,39 +17,42 @@ from quadsafe_core.jit import kernel
 from shields.filtered import ROUNDING, Filtered
 from shields.shield import Shield
 
-
-class Tally(NamedTuple):
-    """What the shield did since the policy step began, one row per plant."""
-
-    snap_desired: NDArray[np.float64]
-    snap_applied: NDArray[np.float64]
-    correction: NDArray[np.float64]
-    value: NDArray[np.float64]
-    interventions: NDArray[np.int64]
-    fallbacks: NDArray[np.int64]
-
-
-@kernel
-def clear_batch(desired, applied, correction, value, interventions, fallbacks):
-    """Open a policy step."""
-    desired[:] = 0.0
-    applied[:] = 0.0
-    correction[:] = 0.0
-    value[:] = np.inf
-    interventions[:] = 0
-    fallbacks[:] = 0
+# What the shield did to one plant since the policy step began.
+TALLY = np.dtype(
+    [
+        ("snap_desired", "f8", (3,)),
+        ("snap_applied", "f8", (3,)),
+        ("correction", "f8"),
+        ("value", "f8"),
+        ("reserve", "f8"),
+        ("obstacle", "i8"),
+        ("interventions", "i8"),
+        ("fallbacks", "i8"),
+        ("refusals", "i8"),
+        ("stopped", "?"),
+        ("certified", "?"),
+    ]
+)
+NOTHING_YET = np.array(((0,) * 3, (0,) * 3, 0, np.inf, 0, -1, 0, 0, 0, False, True), dtype=TALLY)
 
 
 @kernel
-def count_batch(
-    answer_correction, answer_value, intervened, fallback, correction, value, interventions, fallbacks
-):
+def count_batch(desired, answer, tally):
     """Add one control period."""
-    for i in range(value.shape[0]):
-        correction[i] = max(correction[i], answer_correction[i])
-        value[i] = min(value[i], answer_value[i])
-        interventions[i] += intervened[i]
-        fallbacks[i] += fallback[i]
+    for i in range(tally.shape[0]):
+        row = tally[i]
+        for axis in range(3):
+            row["snap_desired"][axis] = desired[i, axis]
+            row["snap_applied"][axis] = answer.snap[i, axis]
+        if answer.correction[i] > row["correction"]:
+            row["correction"], row["obstacle"] = answer.correction[i], answer.obstacle[i]
+        row["value"] = min(row["value"], answer.value[i])
+        row["reserve"] = max(row["reserve"], answer.reserve[i])
+        row["interventions"] += answer.intervened[i]
+        row["fallbacks"] += answer.fallback[i]
+        row["refusals"] += answer.refused[i]
+        row["stopped"] |= answer.stopped[i]
+        row["certified"] &= answer.certified[i]
 
 
 class Recorder:
@@ -57,27 +60,18 @@ class Recorder:
 
     def __init__(self, shield: Shield, rows: int):
         self.shield = shield
-        self._tally = Tally(
-            np.empty((rows, 3)),
-            np.empty((rows, 3)),
-            np.empty(rows),
-            np.empty(rows),
-            np.empty(rows, dtype=np.int64),
-            np.empty(rows, dtype=np.int64),
-        )
-        self.begin()
+        self._tally = np.full(rows, NOTHING_YET)
+        self._periods = 0
 
     def begin(self) -> None:
         """Open a policy step."""
         self._periods = 0
-        clear_batch(*self._tally)
+        self._tally[:] = NOTHING_YET
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
-        answer, tally = self.shield.filter(flat, center, radius, snap, period), self._tally
-        tally.snap_desired[:] = snap
-        tally.snap_applied[:] = answer.snap
-        count_batch(answer.correction, answer.value, answer.intervened, answer.fallback, *tally[2:])
+        answer = self.shield.filter(flat, center, radius, snap, period)
+        count_batch(snap, answer, self._tally)
         self._periods += 1
         return answer
 
@@ -87,22 +81,16 @@ class Recorder:
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
-        return self._tally.interventions / max(self._periods, 1)
+        return self._tally["interventions"] / max(self._periods, 1)
 
     def summary(self) -> dict[str, NDArray]:
         """``info["shield"]`` of every row, fresh arrays."""
         tally = self._tally
-        return {
-            "snap_desired": tally.snap_desired.copy(),
-            "snap_applied": tally.snap_applied.copy(),
-            "intervened": tally.interventions > 0,
-            "interventions": tally.interventions.copy(),
-            "correction": tally.correction.copy(),
-            "value": tally.value.copy(),
-            "in_set": tally.value >= -ROUNDING,
-            "fallback": tally.fallbacks > 0,
-            "fallbacks": tally.fallbacks.copy(),
-        }
+        summary = {name: tally[name].copy() for name in TALLY.fields or ()}
+        summary["intervened"] = tally["interventions"] > 0
+        summary["in_set"] = tally["value"] >= -ROUNDING
+        summary["fallback"] = tally["fallbacks"] > 0
+        return summary
 
 
 class Installation:
@@ -146,9 +134,14 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     | `snap_desired`, `snap_applied` | (3,) m/s⁴, of the last control period; desired as it came, NaN and all|
     | `intervened`, `interventions`  | whether, and in how many control periods, the snap was changed        |
     | `correction`                   | largest ‖applied − desired‖, m/s⁴                                     |
+    | `obstacle`                     | the sphere that asked for the largest correction, −1 for none         |
+    | `reserve`                      | largest input a sphere asked for, in units of ū                       |
     | `value`                        | least set value, m                                                    |
     | `in_set`                       | whether it was at least 0 throughout                                  |
     | `fallback`, `fallbacks`        | whether, and how often, the backup answered in place of the desired   |
+    | `refusals`                     | in how many control periods the nearest snap could not be certified   |
+    | `stopped`                      | whether the stored stop was flown                                     |
+    | `certified`                    | whether a clear stop was stored throughout (never with method "cbf")  |
 
     Args:
         env: the environment; ``env.unwrapped`` has the slot.
