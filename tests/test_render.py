@@ -1,0 +1,184 @@
+"""Frames: what they show, and that they need no display."""
+
+import os
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+import quadsafe_env  # noqa: F401
+from quadsafe_env.obstacles import Spheres
+from quadsafe_env.params import PRESETS
+from quadsafe_env.registration import IDS
+from quadsafe_env.render import GOAL, NOSE, OBSTACLE, ROTOR, frame, view_of
+from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, hover_state
+
+CRAZYFLIE = PRESETS["crazyflie"]
+START, FINISH = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.5, 0.3])
+NO_SPHERES = Spheres(np.zeros((0, 3)), np.zeros(0))
+ONE_SPHERE = Spheres(np.array([[0.0, 0.0, 0.0]]), np.array([0.6]))
+
+
+def picture(position=START, spheres=ONE_SPHERE, params=CRAZYFLIE):
+    return frame(hover_state(position, params), FINISH, spheres, params, START)
+
+
+def count(image, color, tolerance=25):
+    """Pixels of about this colour, at about its brightness."""
+    return int((np.abs(image.astype(int) - np.array(color)).max(axis=-1) < tolerance).sum())
+
+
+def place_of(image, color):
+    """Middle of the pixels of a colour, (x, y)."""
+    rows, columns = np.nonzero(np.abs(image.astype(int) - np.array(color)).max(axis=-1) < 25)
+    return np.array([columns.mean(), rows.mean()])
+
+
+def test_frame_is_an_image_of_the_callers_own():
+    first, second = picture(), picture()
+    assert first.shape == (480, 480, 3) and first.dtype == np.uint8
+    assert first.flags.c_contiguous and first.flags.writeable
+    assert not np.shares_memory(first, second)
+    np.testing.assert_array_equal(first, second)
+    first[:] = 0
+    np.testing.assert_array_equal(picture(), second)
+
+
+def test_everything_is_in_the_picture():
+    image = picture()
+    assert min(count(image, color) for color in (GOAL, NOSE, ROTOR)) > 10
+    # A lit ball is dark below; its hue is what stays.
+    ball = image.astype(float).reshape(-1, 3)
+    hue = np.abs(ball / np.maximum(ball[:, :1], 1) - np.array(OBSTACLE) / OBSTACLE[0]).max(axis=1) < 0.15
+    assert (hue & (ball[:, 0] > 60)).sum() > 2000
+    assert not np.array_equal(picture(spheres=NO_SPHERES), image)
+
+
+def rim_color(position):
+    """Colour of the shell where it is brightest, just inside its outline on the right."""
+    view = view_of(np.asarray(position), FINISH, START, ONE_SPHERE)
+    column, row = view.pixels([0.0, 0.0, 0.0])
+    edge = column + 0.985 * view.size(np.zeros(3), 0.6)
+    return picture(position)[round(row), round(edge)].astype(float)
+
+
+def test_path_runs_from_left_to_right_and_the_ground_is_below():
+    view = view_of(START, FINISH, START, ONE_SPHERE)
+    (left, _), (right, _), (_, low), (_, high) = view.pixels([START, FINISH, [0, 0, -1], [0, 0, 1]])
+    assert 40 < left < 200 and 280 < right < 440
+    assert low > high
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_vehicle_is_seen_wherever_it_is(seed):
+    position = np.random.default_rng(seed).normal(size=3) * 10.0 ** (seed % 4)
+    view = view_of(position, FINISH, START, ONE_SPHERE)
+    assert (np.abs(view.pixels(position) - 240) < 230).all()
+    assert count(picture(position, NO_SPHERES), NOSE) > 10
+
+
+def test_camera_stays_while_the_vehicle_is_near():
+    views = [view_of(np.array(p), FINISH, START, ONE_SPHERE) for p in ([-1, 0, 0], [1, 1, 0], [0, -1, 1])]
+    for view in views[1:]:
+        np.testing.assert_array_equal(view.eye, views[0].eye)
+
+
+def test_vehicle_moves_and_tilts_in_the_picture():
+    left, right = (place_of(picture([x, 0.0, 1.2]), NOSE) for x in (-1.5, 1.5))
+    assert right[0] > left[0] + 100
+    tilted = hover_state(START, CRAZYFLIE)
+    tilted[ATTITUDE:OMEGA] = [0, 0, 1, 0, 1, 0, -1, 0, 0]
+    image = frame(tilted, FINISH, ONE_SPHERE, CRAZYFLIE, START)
+    assert not np.array_equal(image, picture())
+    more = hover_state(START, CRAZYFLIE)
+    more[THRUST] *= 2.0
+    assert not np.array_equal(frame(more, FINISH, ONE_SPHERE, CRAZYFLIE, START), picture())
+
+
+def test_shell_turns_red_around_a_vehicle_inside():
+    outside, inside = rim_color([-0.61, 0.0, 0.0]), rim_color([-0.59, 0.0, 0.0])
+    # Hues: the shell lets a part of what is behind it through.
+    assert outside[2] > 1.3 * outside[0]
+    assert inside[0] > 1.7 * inside[2]
+
+
+def test_vehicle_behind_a_sphere_leaves_a_trace():
+    behind = view_of(START, FINISH, START, ONE_SPHERE).axes[2]
+    hidden, shown = picture(1.5 * behind), picture(-1.5 * behind)
+    assert count(shown, NOSE) > 10 > count(hidden, NOSE)
+    assert not np.array_equal(hidden, picture(1.6 * behind))
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "spheres",
+    [
+        NO_SPHERES,
+        Spheres(np.zeros((2, 3)), np.zeros(2)),
+        Spheres(np.array([[3.0, 3.0, 3.0], [0.0, -20.0, 9.0], [0.0, 0.0, 0.0]]), np.array([5.0, 3.0, 1e4])),
+        Spheres(np.array([[0.0, 0.0, 0.0]]), np.array([0.01])),
+        Spheres(np.array([[1e6, 0.0, 0.0]]), np.array([1.0])),
+    ],
+)
+def test_odd_scenes_are_drawn_too(spheres, preset):
+    params = PRESETS[preset]
+    assert picture(spheres=spheres, params=params).shape == (480, 480, 3)
+    # Start, goal and vehicle in one place.
+    at_once = frame(hover_state(START, params), START, spheres, params, START)
+    assert at_once.shape == (480, 480, 3)
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_env_renders(name):
+    env = gymnasium.make(name, render_mode="rgb_array")
+    env.reset(seed=0)
+    before = env.render()
+    for _ in range(10):
+        env.step(np.array([0.5, 0.5, 0.5, 0.0], dtype=np.float32))
+    after = env.render()
+    assert before.shape == after.shape == (480, 480, 3)
+    assert not np.array_equal(before, after)
+    np.testing.assert_array_equal(env.render(), after)
+
+
+def test_no_render_mode_no_frame():
+    assert gymnasium.make("QuadSafe/Avoid-v0").unwrapped.render() is None
+    assert gymnasium.make_vec("QuadSafe/Avoid-v0", 2).render() is None
+
+
+def test_frames_are_collected_by_gymnasium():
+    env = gymnasium.make("QuadSafe/Avoid-v0", render_mode="rgb_array_list")
+    env.reset(seed=0)
+    for _ in range(4):
+        env.step(np.zeros(4, dtype=np.float32))
+    frames = env.render()
+    assert len(frames) == 5 and {f.shape for f in frames} == {(480, 480, 3)}
+
+
+def test_rows_of_the_vector_env_are_the_single_envs_frames():
+    rows = gymnasium.make_vec("QuadSafe/Avoid-v0", 3, render_mode="rgb_array")
+    rows.reset(seed=4)
+    frames = rows.render()
+    assert isinstance(frames, tuple) and len(frames) == 3
+    for i, image in enumerate(frames):
+        env = gymnasium.make("QuadSafe/Avoid-v0", render_mode="rgb_array")
+        env.reset(seed=4 + i)
+        np.testing.assert_array_equal(env.render(), image)
+
+
+def test_no_display_is_touched_and_no_greeting_is_printed():
+    code = (
+        "import gymnasium, quadsafe_env\n"
+        "env = gymnasium.make('QuadSafe/Avoid-v0', render_mode='rgb_array')\n"
+        "env.reset(seed=0); env.render()\n"
+        "import pygame; print(pygame.display.get_init())"
+    )
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("DISPLAY", "WAYLAND", "SDL", "PYGAME"))
+    }
+    outcome = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert outcome.stdout.split() == ["False"] and not outcome.stderr
