@@ -184,6 +184,7 @@ def test_thin_slabs_are_feasible(thickness, size):
         assert abs(normal @ projected - middle) <= (thickness + 1e-13) * size * 10
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("overlap", [1e-2, 1e-6, 1e-9])
 def test_overlapping_slabs_are_infeasible(overlap):
     rng = np.random.default_rng(2)
@@ -214,6 +215,7 @@ def test_many_planes_through_one_vertex():
         np.testing.assert_allclose(projected, vertex, rtol=0, atol=1e-10)
 
 
+@pytest.mark.interpreted
 def test_half_spaces_that_meet_in_a_single_point():
     rng = np.random.default_rng(4)
     for _ in range(200):
@@ -249,6 +251,7 @@ def test_adversarial_order_is_still_exact(count):
     np.testing.assert_allclose(point, expected, rtol=0, atol=EXACT)
 
 
+@pytest.mark.interpreted
 def test_leading_dimensions_broadcast():
     rng = np.random.default_rng(6)
     desired, normals = rng.normal(size=(4, 1, 3)), unit(rng.normal(size=(5, 2, 3)))
