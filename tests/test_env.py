@@ -151,6 +151,7 @@ def test_unseeded_envs_differ():
     assert len(starts) == 5
 
 
+@pytest.mark.interpreted
 def test_seed_is_the_first_scene_and_later_episodes_follow_from_it():
     env, other = plant(), plant()
     replayed = other.reset(options={"scene": 12})[0]
@@ -258,6 +259,7 @@ def test_non_finite_action_is_refused_before_the_step(value, entry):
     assert data_equivalence(trajectory(env, 10), trajectory(untouched, 10), exact=True)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("action", "error", "sentence"),
     [
@@ -292,6 +294,7 @@ def test_every_integer_of_64_bits_is_a_seed(seed):
     np.testing.assert_array_equal(env.reset(options={"scene": seed})[0], seeded)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("keywords", "error", "sentence"),
     [
@@ -344,6 +347,7 @@ def test_unknown_id_is_gymnasiums_own_error():
         gymnasium.make("QuadSafe/Avoid-v7")
 
 
+@pytest.mark.interpreted
 def test_unknown_keyword_and_render_mode():
     with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
         QuadrotorEnv(colour="red")
@@ -351,6 +355,7 @@ def test_unknown_keyword_and_render_mode():
         QuadrotorEnv(render_mode="human")
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("state", "sentence"),
     [
@@ -368,6 +373,7 @@ def test_bad_state_is_refused(state, sentence):
     np.testing.assert_array_equal(env.state, before)
 
 
+@pytest.mark.interpreted
 def test_setting_the_state_starts_the_episode_over_from_there():
     env = plant(terminate_on_violation=False)
     scene = env.goal
@@ -406,6 +412,7 @@ def test_filter_that_never_intervenes_changes_no_bit(name, action):
     assert data_equivalence(flight, same, exact=True)
 
 
+@pytest.mark.interpreted
 def test_filter_is_called_once_per_control_period_with_a_measurement_of_the_plant():
     env = plant("QuadSafe/Forest-v0", policy_hz=20, control_hz=100, physics_hz=400)
     assert isinstance(env.snap_filter, PassThrough) and not env.is_shielded
@@ -431,6 +438,7 @@ def test_filter_forgets_at_every_reset():
     assert [mask.tolist() for mask in spy.resets] == [[True]] * 3
 
 
+@pytest.mark.interpreted
 def test_answer_of_the_filter_is_what_flies():
     env, direct = plant(action="snap"), plant(action="snap")
     env.snap_filter = Spy(answer=[20.0, -40.0, 60.0])
@@ -441,6 +449,7 @@ def test_answer_of_the_filter_is_what_flies():
     np.testing.assert_allclose(env.state, direct.state, rtol=0, atol=1e-6)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("action", ACTIONS)
 def test_non_finite_action_reaches_the_filter_as_no_wish_at_all(action):
     env = plant(action=action)
@@ -453,6 +462,7 @@ def test_non_finite_action_reaches_the_filter_as_no_wish_at_all(action):
     assert not env.step(np.zeros(4))[-1]["invalid_action"]
 
 
+@pytest.mark.interpreted
 def test_filter_that_answers_nan_crashes_its_row_and_nothing_else():
     env = plant()
     env.snap_filter = Spy(answer=[math.nan] * 3)
@@ -463,6 +473,7 @@ def test_filter_that_answers_nan_crashes_its_row_and_nothing_else():
     assert observation in env.observation_space
 
 
+@pytest.mark.interpreted
 def test_plant_side_of_the_bridge():
     env = plant("QuadSafe/Forest-v0", params="racer", control_hz=50)
     assert env.params == PRESETS["racer"]

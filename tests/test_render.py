@@ -36,6 +36,7 @@ def place_of(image, color):
     return np.array([columns.mean(), rows.mean()])
 
 
+@pytest.mark.interpreted
 def test_frame_is_an_image_of_the_callers_own():
     first, second = picture(), picture()
     assert first.shape == (480, 480, 3) and first.dtype == np.uint8
@@ -97,6 +98,7 @@ def test_vehicle_moves_and_tilts_in_the_picture():
     assert not np.array_equal(frame(more, FINISH, ONE_SPHERE, CRAZYFLIE, START), picture())
 
 
+@pytest.mark.interpreted
 def test_shell_turns_red_around_a_vehicle_inside():
     outside, inside = rim_color([-0.61, 0.0, 0.0]), rim_color([-0.59, 0.0, 0.0])
     # Hues: the shell lets a part of what is behind it through.
@@ -111,6 +113,7 @@ def test_vehicle_behind_a_sphere_leaves_a_trace():
     assert not np.array_equal(hidden, picture(1.6 * behind))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(
     "spheres",
@@ -157,6 +160,7 @@ def test_frames_are_collected_by_gymnasium():
     assert len(frames) == 5 and {f.shape for f in frames} == {(480, 480, 3)}
 
 
+@pytest.mark.interpreted
 def test_rows_of_the_vector_env_are_the_single_envs_frames():
     rows = gymnasium.make_vec("QuadSafe/Avoid-v0", 3, render_mode="rgb_array")
     rows.reset(seed=4)

@@ -92,6 +92,7 @@ def test_scene_lies_within_the_bounds_of_the_flight(name):
         assert (np.asarray(task.low) + 0.5 < points).all() and (points < np.asarray(task.high) - 0.5).all()
 
 
+@pytest.mark.interpreted
 def test_section_vi_flight():
     scenes = scenes_of("flight", INTEGERS[:3])
     for i in range(3):
@@ -147,6 +148,7 @@ def test_forest_takes_a_number_and_a_size_of_spheres(count, sizes):
         assert clearance(*env.state[:3], *env.obstacles) >= FREE_SPACE
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("keywords", "sentence"),
     [
@@ -186,6 +188,7 @@ def test_given_spheres_stand_where_they_were_put_and_start_and_goal_are_redrawn(
     assert free.obstacles.center.shape == (0, 3)
 
 
+@pytest.mark.interpreted
 def test_given_spheres_redraw_a_row_without_touching_the_others():
     rows = [[1.2, 0.0, 0.0, 0.8], [-1.2, 0.0, 0.0, 0.8]]
     env = gymnasium.make("QuadSafe/Avoid-v0", obstacles=rows).unwrapped
@@ -196,6 +199,7 @@ def test_given_spheres_redraw_a_row_without_touching_the_others():
         np.testing.assert_array_equal(many.unwrapped.goal[k], env.goal)
 
 
+@pytest.mark.interpreted
 def test_spheres_that_leave_no_room_are_refused():
     env = gymnasium.make("QuadSafe/Avoid-v0", obstacles=[[0, 0, 0, 5]])
     with pytest.raises(ValueError, match=r"^obstacles must leave start and goal 0.15 m clear"):

@@ -166,6 +166,7 @@ def test_arrival_is_half_a_second_within_a_tenth_of_a_metre():
     assert paid == pytest.approx(2.0, abs=1e-6)
 
 
+@pytest.mark.interpreted
 def test_no_arrival_just_outside():
     env = plant(obstacles=[])
     env.state = hover_state(env.goal + np.array([0.0, 0.101, 0.0]), CRAZYFLIE)
@@ -186,6 +187,7 @@ def test_leaving_the_goal_starts_the_half_second_over():
     assert env.step(np.zeros(4))[2]
 
 
+@pytest.mark.interpreted
 def test_arriving_after_a_violation_is_no_success():
     env = plant(obstacles=[[9.0, 9.0, 9.0, 0.1]], terminate_on_violation=False)
     env.state = hover_state(env.goal, CRAZYFLIE)
@@ -252,6 +254,7 @@ def test_ends_are_told_apart():
     assert ended(env, [*toward / np.abs(toward).max(), 0])[1:] == (True, False, {"violation"})
 
 
+@pytest.mark.interpreted
 def test_crash_is_the_thrust_at_its_floor():
     env = plant("Avoid", obstacles=[], action="snap", params={"thrust_min": 0.2})
     ended(env, [0, 0, -1, 0])

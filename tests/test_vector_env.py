@@ -238,6 +238,7 @@ def test_actions_of_any_layout_and_kind_of_float():
         np.testing.assert_array_equal(observations, seen[0])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("action", ACTIONS)
 def test_row_with_a_non_finite_action_ends_and_no_other_row_notices(action, value):
@@ -304,6 +305,7 @@ def test_filter_forgets_the_rows_that_are_reset():
     assert state == [True, True, True]
 
 
+@pytest.mark.interpreted
 def test_reset_mask_resets_some_rows_only():
     rows = vector(3, max_episode_steps=30)
     rows.reset(seed=0)
@@ -319,6 +321,7 @@ def test_reset_mask_resets_some_rows_only():
     assert late[19] == [True, False, True] and late[29] == [False, True, False]
 
 
+@pytest.mark.interpreted
 def test_scene_option_replays_scenes():
     scenes = [5, 2**64 - 1, 2**63]
     rows, env = vector(3), gymnasium.make("QuadSafe/Avoid-v0")
@@ -327,6 +330,7 @@ def test_scene_option_replays_scenes():
         np.testing.assert_array_equal(observations[i], env.reset(options={"scene": k})[0])
 
 
+@pytest.mark.interpreted
 def test_seeds_may_be_given_one_a_row():
     seeds = [7, 2**64 - 1, 7]
     rows, env = vector(3), gymnasium.make("QuadSafe/Avoid-v0")
@@ -352,6 +356,7 @@ def test_rows_of_an_unseeded_env_differ():
     assert len({tuple(start) for start in starts}) == 6
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("keywords", "sentence"),
     [
@@ -381,6 +386,7 @@ def test_bad_reset_is_one_sentence_and_changes_nothing(keywords, sentence):
     np.testing.assert_array_equal(rows.state, before)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("actions", "error", "sentence"),
     [
@@ -399,11 +405,13 @@ def test_actions_of_another_kind_are_refused(actions, error, sentence):
     np.testing.assert_array_equal(rows.state, before)
 
 
+@pytest.mark.interpreted
 def test_state_of_another_shape_is_refused():
     with pytest.raises(ValueError, match=r"^state must have shape \(3, 20\), got \(20,\)$"):
         vector(3).state = np.zeros(20)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("keywords", "sentence"),
     [
