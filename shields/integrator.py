@@ -172,7 +172,7 @@ def lie_derivative(order, t_star, x_previous, u, u_max):
         return u
     if t_star == 0.0:
         return x_previous
-    return sensitivity(order, t_star) * (u - u_max)
+    return sensitivity(order, t_star) * (u - u_max) if u != u_max else 0.0
 
 
 @kernel
@@ -194,7 +194,7 @@ def required_input(order, t_star, value, u_max, alpha):
     if value == 0.0:
         return u_max
     factor = sensitivity(order, t_star)
-    if factor == 0.0:
+    if factor == 0.0 or value == -math.inf:
         return -math.copysign(math.inf, value)
     return u_max - alpha * value / factor
 

@@ -201,11 +201,12 @@ def sign_at(p, t):
 
 @kernel
 def root_bound(p):
-    """A bound on the size of all roots (Fujiwara); the leading coefficient is not 0."""
-    bound = 0.0
+    """A bound on the size of all roots (Fujiwara), a power of two; the leading coefficient is not 0."""
+    _, leading = math.frexp(p[0])
+    exponent = -2200
     for i in range(1, len(p)):
-        bound = max(bound, abs(p[i] / p[0]) ** (1.0 / i))
-    return min(2.0 * bound, LARGEST)
+        exponent = max(exponent, -((leading - 1 - _mantissa_and_exponent(p[i])[1]) // i))
+    return min(times_power_of_two(2.0, exponent), LARGEST)
 
 
 @kernel

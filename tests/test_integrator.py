@@ -91,6 +91,8 @@ def test_eq8_with_stationary_times_in_clusters(n):
 @example([-1.0, 0.0, 0.0, 0.0], 1.0, 0.0)
 @example([0.0, 0.0, -1.0, 0.0], 1e-30, 0.0)
 @example([1.0, -1.5, 1.0 / 2, 0.0], 1e-30, 0.0)
+@example([0.0, 0.0, 0.0, -1e-120, 0.0], 1e200, 0.0)
+@example([0.0, 0.0, 0.0, 0.0, -1e-120, 0.0], 1e200, 0.0)
 def test_eq8_wherever_hypothesis_looks(x, u_max, bound):
     assert_is_least_value(x, u_max, bound)
 

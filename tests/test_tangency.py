@@ -111,6 +111,8 @@ def test_required_input_makes_the_value_decay_no_faster_than_allowed():
     assert required_input(4, 1e-200, 1.0, u_max, alpha) == -math.inf
     assert required_input(4, 1e-200, -1.0, u_max, alpha) == math.inf
     assert required_input(4, 1e-200, 0.0, u_max, alpha) == u_max
+    assert required_input(4, 1e200, -math.inf, u_max, alpha) == math.inf
+    assert lie_derivative(4, 1e200, 0.0, u_max, u_max) == 0.0
 
 
 def test_rows_and_bad_input():
