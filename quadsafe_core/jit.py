@@ -12,11 +12,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numba
+from numba.core import config
 
 F = TypeVar("F", bound=Callable)
+
+# Numba reads it when a function is decorated.
+CACHE_SETTING = "CACHE_DIR"
 
 # The rooms whose kernels a room's own kernels may call (the import contracts of pyproject.toml).
 FLOOR = ("quadsafe_core",)
@@ -65,21 +69,21 @@ def _folder_of(room: str) -> Path | None:
 
 @contextmanager
 def _numba_cache_in(folder: Path) -> Iterator[None]:
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(folder)
+    before = getattr(config, CACHE_SETTING)
+    setattr(config, CACHE_SETTING, str(folder))
     try:
         yield
     finally:
-        numba.config.CACHE_DIR = before
+        setattr(config, CACHE_SETTING, before)
 
 
 def _compiled(function: F, **options) -> F:
     room = function.__module__.partition(".")[0]
     folder = _folder_of(room) if room in REACH else None
     if folder is None:
-        return numba.njit(error_model="numpy", **options)(function)
+        return cast(F, numba.njit(error_model="numpy", **options)(function))
     with _numba_cache_in(folder):
-        return numba.njit(cache=True, error_model="numpy", **options)(function)
+        return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
 
 
 def kernel(function: F) -> F:

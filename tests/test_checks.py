@@ -15,7 +15,6 @@ from quadsafe_core.checks import (
     shaped_array,
 )
 
-
 pytestmark = pytest.mark.interpreted
 
 
