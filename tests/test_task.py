@@ -156,13 +156,14 @@ def test_a_collision_costs_no_reward():
         assert info["cost"] == 1.0
 
 
-def test_arrival_is_half_a_second_within_a_tenth_of_a_metre():
-    env = plant(obstacles=[])
+@pytest.mark.parametrize(("hz", "last"), [(25, 13), (100, 50)])
+def test_arrival_is_half_a_second_within_a_tenth_of_a_metre(hz, last):
+    env = plant(obstacles=[], policy_hz=hz)
     env.state = hover_state(env.goal + np.array([0.0, 0.099, 0.0]), CRAZYFLIE)
-    # 0.5 s are 12.5 policy steps of 40 ms.
-    for step in range(1, 14):
+    # 0.5 s are 12.5 policy steps of 40 ms, and exactly 50 of 10 ms.
+    for step in range(1, last + 1):
         _, paid, terminated, _, info = env.step(np.zeros(4))
-        assert terminated == info["is_success"] == (step == 13)
+        assert terminated == info["is_success"] == (step == last)
     assert paid == pytest.approx(2.0, abs=1e-6)
 
 
