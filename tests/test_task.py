@@ -256,6 +256,17 @@ def test_ends_are_told_apart():
 
 
 @pytest.mark.interpreted
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_bounds_of_every_side(axis, side):
+    env = plant(obstacles=[])
+    for distance, is_out in ((3.99, False), (4.01, True)):
+        env.state = hover_state(side * distance * np.eye(3)[axis], CRAZYFLIE)
+        _, _, terminated, _, info = env.step(np.zeros(4))
+        assert terminated == info["out_of_bounds"] == is_out
+
+
+@pytest.mark.interpreted
 def test_crash_is_the_thrust_at_its_floor():
     env = plant("Avoid", obstacles=[], action="snap", params={"thrust_min": 0.2})
     ended(env, [0, 0, -1, 0])
