@@ -58,7 +58,7 @@ class EpisodeCounter:
         if not ended.any():
             return episodes[:0]
         episodes["is_success"] = info["is_success"]
-        episodes["timeout"] = truncated
+        episodes["timeout"] = truncated & ~terminated
         finished = episodes[ended].copy()
         self.start(ended)
         return finished

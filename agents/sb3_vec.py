@@ -67,7 +67,7 @@ class Sb3VectorEnv(VecEnv):
         infos, ended = rows_of(info), terminated | truncated
         for i, episode in zip(np.flatnonzero(ended), self.finished, strict=True):
             infos[i]["terminal_observation"] = info["final_obs"][i]
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
+            infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
             infos[i]["episode"] = self._monitor(episode)
         return observations, rewards.astype(np.float32), ended, infos
 

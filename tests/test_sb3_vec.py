@@ -57,7 +57,7 @@ def test_rows_equal_the_vector_env_and_monitor_counts_them():
             if dones[i]:
                 ended += 1
                 np.testing.assert_array_equal(infos[i]["terminal_observation"], info["final_obs"][i])
-                assert infos[i]["TimeLimit.truncated"] is bool(truncated[i])
+                assert infos[i]["TimeLimit.truncated"] is bool(truncated[i] and not terminated[i])
                 # One sum in float64 against another: equal to the last bit.
                 assert infos[i]["episode"] == {"r": returns[i], "l": lengths[i], "t": round(0.04 * (t + 1), 6)}
                 returns[i], lengths[i] = 0.0, 0
