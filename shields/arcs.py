@@ -99,9 +99,12 @@ def acceleration_points(x, snap, d):
 @inline_kernel
 def is_separated(n, length, points, center, drift, radius):
     """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖`` for all five control points; the centre moves by drift in all."""
+    # Through the centre there is no direction, and what has overflowed is not clear either.
+    if not length >= radius:
+        return False
     for i in range(5):
         gap = subtract(points[i], combined(center, i / 4, drift))
-        if dot(n, gap) < radius * length:
+        if not dot(n, gap) >= radius * length:
             return False
     return True
 
@@ -121,8 +124,9 @@ def piece_keeps_thrust(points, floor):
     """Whether a plane separates the specific thrust r̈ + g e3 over the piece from the ball of the floor."""
     lift = (0.0, 0.0, floor.gravity)
     b0, b1, b2 = add(points[0], lift), add(points[1], lift), add(points[2], lift)
-    least = floor.thrust * norm(b1)
-    return dot(b1, b0) >= least and dot(b1, b1) >= least and dot(b1, b2) >= least
+    length = norm(b1)
+    least = floor.thrust * length
+    return length >= floor.thrust and dot(b1, b0) >= least and dot(b1, b2) >= least
 
 
 @inline_kernel
@@ -164,6 +168,6 @@ def rest_is_clear(x, start, spheres):
         speed = dot(closing, closing)
         if speed > 0.0:
             gap = combined(gap, max(0.0, -dot(gap, closing) / speed), closing)
-        if spheres.keep_out[k] > 0.0 and norm(gap) < spheres.keep_out[k]:
+        if spheres.keep_out[k] > 0.0 and not norm(gap) >= spheres.keep_out[k]:
             return False
     return True
