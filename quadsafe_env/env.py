@@ -72,6 +72,12 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
     | `is_success`                         | arrived, without a violation in this episode                     |
     | `violation`, `out_of_bounds`, `crash`| what this step did; a crash leaves the last sound state          |
     | `invalid_action`                     | the action was not finite                                        |
+    | `saturated`                          | a rotor was clipped at a physics substep; False without limits   |
+
+    ### Rotor limits
+    By default the rotors give whatever thrust and torque the snap asks for. With `rotor_limits=True` each keeps
+    to [0, thrust_max/4], as told in ``quadsafe_env.rotors``, and the desired yaw motion to |ω_z| <= 2 rad/s and
+    a yaw acceleration that the rotors can give. Within `authority()` no rotor is clipped.
 
     ### Keywords
     See ``quadsafe_env.settings.build_world``.

@@ -4,9 +4,9 @@ import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_env.counter_rng import Key, derived_key
-from quadsafe_env.dynamics import rk4_step
 from quadsafe_env.flatness import wrench_from_snap_kernel
 from quadsafe_env.obstacles import NO_OBSTACLE, clearance
+from quadsafe_env.rotors import limited_step
 from quadsafe_env.state import THRUST, load, store
 from quadsafe_env.task import GOAL_HOLD, distance_to_goal, held_time, reward, write_observation
 
@@ -23,6 +23,7 @@ RECORD = np.dtype(
         ("out_of_bounds", "?"),
         ("crash", "?"),
         ("invalid_action", "?"),
+        ("saturated", "?"),
         ("is_active", "?"),
     ]
 )
@@ -46,6 +47,7 @@ def clear_step(record, least):
     record["out_of_bounds"] = False
     record["crash"] = False
     record["invalid_action"] = False
+    record["saturated"] = False
     record["is_active"] = True
 
 
@@ -57,7 +59,7 @@ def start_batch(records):
 
 
 @kernel
-def advance_batch(states, snap, yaw_acceleration, goal, center, radius, params, dt, substeps, records):
+def advance_batch(states, snap, yaw_acceleration, goal, center, radius, params, rotors, dt, substeps, records):
     """Hold snap and yaw acceleration for ``substeps`` RK4 steps; a row stops at its last sound state."""
     for i in range(states.shape[0]):
         record = records[i]
@@ -66,7 +68,9 @@ def advance_batch(states, snap, yaw_acceleration, goal, center, radius, params, 
         s = load(states[i])
         u = (snap[i, 0], snap[i, 1], snap[i, 2])
         for _ in range(substeps):
-            after = rk4_step(s, wrench_from_snap_kernel(s, u, yaw_acceleration[i], params), params, dt)
+            wrench = wrench_from_snap_kernel(s, u, yaw_acceleration[i], params)
+            after, is_clipped = limited_step(s, wrench, params, rotors, dt)
+            record["saturated"] |= is_clipped
             if not is_sound(after, params.thrust_min):
                 record["crash"] = True
                 record["is_active"] = False

@@ -40,6 +40,7 @@ def build_world(
     terminate_on_violation: bool = True,
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
+    rotor_limits: bool = False,
 ) -> World:
     """A world of ``n`` rows.
 
@@ -55,6 +56,8 @@ def build_world(
         terminate_on_violation: whether a violation ends the episode.
         sphere_count: number of spheres of a forest.
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
+        rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.rotors``), and the desired
+            yaw motion to ``quadsafe_env.authority.yaw_range``.
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
@@ -74,6 +77,7 @@ def build_world(
         spheres=spheres,
         rates=Rates(policy_hz, control_hz, physics_hz),
         terminate_on_violation=_flag("terminate_on_violation", terminate_on_violation),
+        rotor_limits=_flag("rotor_limits", rotor_limits),
     )
 
 

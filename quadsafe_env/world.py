@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.actions import action_interface
+from quadsafe_env.authority import VehicleAuthority, any_yaw, authority, limit_yaw_batch, yaw_range
 from quadsafe_env.episode import (
     RECORD,
     advance_batch,
@@ -26,6 +27,7 @@ from quadsafe_env.episode import (
 from quadsafe_env.flatness import flat_batch
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
+from quadsafe_env.rotors import limited_rotors, unlimited_rotors
 from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
 from quadsafe_env.state import hover_state
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
@@ -86,6 +88,7 @@ class World:
         spheres: keep-out spheres of every scene, or None for the task's own.
         rates: policy, control and physics rates, Hz.
         terminate_on_violation: whether a violation ends an episode.
+        rotor_limits: whether each rotor, and the desired yaw acceleration, keeps to its range.
     """
 
     def __init__(
@@ -98,6 +101,7 @@ class World:
         spheres: Spheres | None,
         rates: Rates,
         terminate_on_violation: bool,
+        rotor_limits: bool,
     ):
         check_rates(rates)
         self.n, self.task, self.params, self.rates = n, task, params, rates
@@ -107,6 +111,9 @@ class World:
         self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
         self._low, self._high = np.array(task.low), np.array(task.high)
         self._terminate_on_violation = terminate_on_violation
+        # Infinite ranges in place of a second plant: without limits nothing is ever clipped.
+        self._rotors = limited_rotors(params) if rotor_limits else unlimited_rotors(params)
+        self._yaw_range = yaw_range(params) if rotor_limits else any_yaw()
         self._allocate(self._source.sphere_count)
 
     def _allocate(self, k: int) -> None:
@@ -197,6 +204,7 @@ class World:
     def _control_period(self) -> None:
         flat_batch(self.states, self.params, self._flat)
         self.interface.desired(self.states, self._commands, self._snap, self._yaw_acceleration)
+        limit_yaw_batch(self.states, self.control_period, self._yaw_range, self._yaw_acceleration)
         spoil_invalid(self.records, self._snap, self._yaw_acceleration)
         safe = self.snap_filter.filter(
             self._flat, self.scenes.center, self.scenes.radius, self._snap, self.control_period
@@ -207,6 +215,7 @@ class World:
             self._yaw_acceleration,
             *self._goal_and_spheres,
             self.params,
+            self._rotors,
             1.0 / self.rates.physics,
             self.rates.physics // self.rates.control,
             self.records,
@@ -233,6 +242,7 @@ class World:
             "out_of_bounds": record["out_of_bounds"].copy(),
             "crash": record["crash"].copy(),
             "invalid_action": record["invalid_action"].copy(),
+            "saturated": record["saturated"].copy(),
         }
 
 
@@ -245,6 +255,10 @@ class PlantAccess:
     def params(self) -> QuadrotorParams:
         """The vehicle."""
         return self._world.params
+
+    def authority(self) -> VehicleAuthority:
+        """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
+        return authority(self.params)
 
     @property
     def action_scale(self) -> NDArray[np.float64]:

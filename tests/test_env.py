@@ -32,6 +32,7 @@ INFO = {
     "out_of_bounds": bool,
     "crash": bool,
     "invalid_action": bool,
+    "saturated": bool,
 }
 every_face = pytest.mark.parametrize(("name", "action"), [(name, action) for name in IDS for action in ACTIONS])
 
@@ -87,6 +88,7 @@ def test_every_keyword_survives_json():
         "control_hz": 40,
         "physics_hz": 400,
         "terminate_on_violation": False,
+        "rotor_limits": True,
     }
     env = gymnasium.make("QuadSafe/Avoid-v0", **keywords)
     assert env.spec is not None
