@@ -1,7 +1,7 @@
 """Integrators under several bounds (Section IV).
 
     LowerSet   x_i >= lower_i for all i                 h(x) = min_i g_i(x_1 … x_i)                    (25)
-    BoxSet     lower_i <= x_i <= upper_i for all i      h(x) = min over both sides, for n <= 2         (24)
+    BoxSet     lower_i <= x_i <= upper_i for all i      h(x) = min over both sides              (24), (28)
 
 Lower bounds never contradict each other: u_max serves all of them (Prop. 4). The upper bounds are lower bounds
 of the mirrored system, -x under -u. Bounds that are absent are infinite.
@@ -15,6 +15,8 @@ from numpy.typing import ArrayLike
 
 from quadsafe_core.checks import shaped_array
 from quadsafe_core.jit import kernel
+from shields.capped import capped3
+from shields.corners import Bounds, why_not_maximal
 from shields.integrator import lower_row, required_input
 from shields.polynomials import LARGEST
 from shields.rows import MAX_ORDER, Array, checked_input, state_rows
@@ -51,11 +53,35 @@ def lower_set_row(x, lower, u_max, work):
 
 
 @kernel
+def box_side_row(x, lower, x1_max, u_max, work):
+    """(24), (28), the lower functions: as ``lower_set_row`` of states that also keep ``x_1 <= x1_max``."""
+    value, favoured, least_input = lower_set_row(x, lower, u_max, work)
+    if len(x) == 3 and lower[2] > -math.inf and x1_max < math.inf:
+        g, t_star, _ = capped3(x[0], x[1], x[2], u_max, x1_max, lower[2])
+        fastest = max(abs(x[0]), abs(x1_max))
+        rounding = ROUNDING * largest_term(x[1:], fastest, min(t_star, LARGEST), lower[2])
+        value, favoured = min(value, g), min(favoured, g + rounding)
+        if g <= rounding and t_star > 0.0:
+            least_input = u_max
+    if x[0] >= x1_max - ROUNDING * abs(x1_max):
+        least_input = min(least_input, 0.0)
+    return value, favoured, least_input
+
+
+@kernel
 def lower_set_batch(x, lower, u_max, out):
     """Row by row: ``lower_set_row`` into ``out`` (3, N)."""
     work = np.empty((3, x.shape[1]))
     for i in range(x.shape[0]):
         out[0, i], out[1, i], out[2, i] = lower_set_row(x[i], lower, u_max, work)
+
+
+@kernel
+def box_side_batch(x, lower, x1_max, u_max, out):
+    """Row by row: ``box_side_row`` into ``out`` (3, N)."""
+    work = np.empty((3, x.shape[1]))
+    for i in range(x.shape[0]):
+        out[0, i], out[1, i], out[2, i] = box_side_row(x[i], lower, x1_max, u_max, work)
 
 
 class LowerSet:
@@ -97,17 +123,26 @@ class LowerSet:
         rows, shape = self._evaluated(x)
         return rows[2].reshape(shape)[()]
 
+    def input_interval(self, x: ArrayLike) -> tuple[Any, Any]:
+        """The inputs (…) from least to greatest that keep the bounds at this instant, for states (…, n).
+
+        From ``required_input`` to u_max, unit of dx_1/dt.
+        """
+        least = self.required_input(x)
+        return least, np.full_like(least, self.u_max)[()]
+
     def _evaluated(self, x: ArrayLike) -> tuple[Array, tuple[int, ...]]:
-        (rows,), shape = state_rows(x)
-        if rows.shape[1] != len(self.lower):
-            raise ValueError(f"x must have shape (…, {len(self.lower)}), got {np.shape(x)}")
+        rows, shape = _checked_states(x, len(self.lower))
         out = np.empty((3, len(rows)))
         lower_set_batch(rows, self.lower, self.u_max, out)
         return out, shape
 
 
 class BoxSet:
-    """The set (24) of states that keep ``lower_i <= x_i <= upper_i`` for inputs in [u_min, u_max], n <= 2.
+    """The set (24), for n = 3 (28), of states that keep ``lower_i <= x_i <= upper_i``; n <= 3.
+
+    Inputs lie in [u_min, u_max]. The set always holds the largest control-invariant set of the box. It is that
+    set where ``is_maximal()``; otherwise it is only an outer one, with states that no input keeps in the box.
 
     Args:
         lower: n lower bounds of x_1 (the highest derivative) to x_n; -inf where there is none.
@@ -116,45 +151,76 @@ class BoxSet:
         u_max: greatest input, > 0.
 
     Raises:
-        ValueError: n is not 1 or 2; lower > upper; a bound is nan, lower is +inf or upper is -inf; u_min is
-            not < 0 or u_max is not > 0.
+        ValueError: n is not 1, 2 or 3; lower > upper; a bound is nan, lower is +inf or upper is -inf; u_min
+            is not < 0 or u_max is not > 0.
 
-    Reference: (24) and Example 1.
+    Reference: (24), Example 1, (26), (28), Theorem 1.
     """
 
     def __init__(self, lower: ArrayLike, upper: ArrayLike, u_min: float, u_max: float):
-        self.lower = _checked_bounds("lower", lower, -math.inf)
-        self.upper = _checked_bounds("upper", upper, math.inf)
-        if self.lower.shape != self.upper.shape:
-            raise ValueError(f"upper must have {len(self.lower)} bounds as lower has, got {len(self.upper)}")
-        if len(self.lower) > 2:
-            raise ValueError(f"n must be 1 or 2, got lower and upper with {len(self.lower)} bounds each")
-        if (self.lower > self.upper).any():
-            raise ValueError(f"lower must be <= upper, got {self.lower.tolist()} and {self.upper.tolist()}")
-        self.u_min, self.u_max = checked_input("u_min", u_min), checked_input("u_max", u_max)
-        self._above = LowerSet(self.lower, self.u_max)
-        self._mirrored = LowerSet(-self.upper, -self.u_min)
+        lower = _checked_bounds("lower", lower, -math.inf)
+        upper = _checked_bounds("upper", upper, math.inf)
+        if lower.shape != upper.shape:
+            raise ValueError(f"upper must have {len(lower)} bounds as lower has, got {len(upper)}")
+        if len(lower) > 3:
+            raise ValueError(f"n must be 1, 2 or 3, got lower and upper with {len(lower)} bounds each")
+        if (lower > upper).any():
+            raise ValueError(f"lower must be <= upper, got {lower.tolist()} and {upper.tolist()}")
+        self.bounds = Bounds(lower, upper, checked_input("u_min", u_min), checked_input("u_max", u_max))
 
     def value(self, x: ArrayLike) -> Any:
-        """h(x) of (24) for states (…, n): >= 0 inside."""
-        return np.minimum(self._above.value(x), self._mirrored.value(-np.asarray(x)))
+        """h(x) of (24) or (28) for states (…, n): >= 0 inside; the least margin, whatever its unit."""
+        (below, above), shape = self._evaluated(x)
+        return np.minimum(below[0], above[0]).reshape(shape)[()]
 
     def contains(self, x: ArrayLike) -> Any:
         """Whether each state (…, n) is inside, with the rounding of ``LowerSet.contains``."""
-        return np.logical_and(self._above.contains(x), self._mirrored.contains(-np.asarray(x)))
+        (below, above), shape = self._evaluated(x)
+        return (np.minimum(below[1], above[1]) >= 0.0).reshape(shape)[()]
+
+    def input_interval(self, x: ArrayLike) -> tuple[Any, Any]:
+        """The inputs (…) from least to greatest that Lemma 2 leaves to states (…, n), unit of dx_1/dt.
+
+        [u_min, u_max] in the interior. Where x_1 is held on its bound by the trajectory of (26), that input is
+        0. In a maximal set no interval is empty; outside a set, or in one that is only an outer one, the least
+        input may exceed the greatest, and then no input keeps every bound.
+        """
+        (below, above), shape = self._evaluated(x)
+        least, greatest = np.maximum(below[2], self.bounds.u_min), np.minimum(-above[2], self.bounds.u_max)
+        return least.reshape(shape)[()], greatest.reshape(shape)[()]
 
     def is_maximal(self) -> bool:
-        """Whether this is the largest control-invariant set in the box.
+        """Whether this is known to be the largest control-invariant set in the box.
 
-        For n = 1 it always is. For n = 2 the corners must allow u = 0 (Example 1): a lower bound on x_2
-        asks for ``upper_1 >= 0``, an upper bound on x_2 for ``lower_1 <= 0``. Otherwise x_1 has one sign
-        for ever, drives x_2 out of the box from every start, and no state can be kept inside.
+        n = 1: always. n = 2: an x_1 that can only fall (upper_1 < 0) must not meet a lower bound on x_2, nor
+        the mirror image: Example 1. n = 3: also Theorem 1's corner condition, for bounds on both sides of x_3
+        at four corners. It is sufficient: (lower_1, upper_3) and (upper_1, lower_3) alone exclude a conflict,
+        the other two make the set reach every x_1 and x_3 of the box.
         """
-        if len(self.lower) == 1:
-            return True
-        can_rise = self.upper[0] >= 0.0 or self.lower[1] == -math.inf
-        can_fall = self.lower[0] <= 0.0 or self.upper[1] == math.inf
-        return bool(can_rise and can_fall)
+        return self.why_not() is None
+
+    def why_not(self) -> str | None:
+        """The reason for which the set is not known to be maximal, naming the corner; None where it is."""
+        return why_not_maximal(self.bounds, self.contains)
+
+    def _evaluated(self, x: ArrayLike) -> tuple[tuple[Array, Array], tuple[int, ...]]:
+        """``box_side_row`` of the lower functions, and of the upper ones as lower ones of the mirror image."""
+        rows, shape = _checked_states(x, len(self.bounds.lower))
+        return (_side(self.bounds, rows), _side(self.bounds.mirrored(), -rows)), shape
+
+
+def _side(bounds: Bounds, rows: Array) -> Array:
+    out = np.empty((3, len(rows)))
+    box_side_batch(rows, bounds.lower, bounds.upper[0], bounds.u_max, out)
+    return out
+
+
+def _checked_states(x: ArrayLike, order: int) -> tuple[Array, tuple[int, ...]]:
+    """States as rows (N, order) and their leading dimensions."""
+    (rows,), shape = state_rows(x)
+    if rows.shape[1] != order:
+        raise ValueError(f"x must have shape (…, {order}), got {np.shape(x)}")
+    return rows, shape
 
 
 def _checked_bounds(name: str, bounds: ArrayLike, absent: float) -> Array:

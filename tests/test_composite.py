@@ -201,7 +201,7 @@ def test_kernels_of_the_composition():
         (lambda: BoxSet([2.0], [1.0], -1.0, 1.0), "lower must be <= upper"),
         (lambda: BoxSet([0.0], [-math.inf], -1.0, 1.0), "upper must hold finite numbers or inf"),
         (lambda: BoxSet([0.0, 0.0], [1.0], -1.0, 1.0), "upper must have 2 bounds"),
-        (lambda: BoxSet([0.0] * 3, [1.0] * 3, -1.0, 1.0), "n must be 1 or 2"),
+        (lambda: BoxSet([0.0] * 4, [1.0] * 4, -1.0, 1.0), "n must be 1, 2 or 3"),
         (lambda: BoxSet([0.0, 0.0], [1.0, 1.0], -1.0, 1.0).value([1.0]), "x must have shape"),
     ],
 )
