@@ -1,7 +1,7 @@
 """Set membership by linear programming over a finely held input: the oracle of the sets of several bounds.
 
-The input is constant on each of ``count`` steps, the bounds are asked for at the ends of the steps. Both
-differ from the continuous problem by the width of a step.
+The input is constant on each step or on a few of them, the bounds are asked for at the ends of the steps: the
+one costs a little, the other gives a little away.
 """
 
 import math
@@ -28,13 +28,14 @@ def responses(order, steps):
     return free, forced
 
 
-def best_margin(x, lower, upper, u_min, u_max, steps, ends_at_rest):
+def best_margin(x, lower, upper, u_min, u_max, steps, ends_at_rest, held=1):
     """Greatest margin of x_n over its bounds that some input leaves while it keeps the other ones.
 
-    nan where even the others cannot be kept.
+    Each input is held over ``held`` steps; nan where even the other bounds cannot be kept.
     """
-    order = len(x)
+    order, holds = len(x), len(steps) // held
     free, forced = responses(order, steps)
+    forced = forced.reshape(len(steps), order, holds, held).sum(axis=-1)
     rows, limits = [], []
     for i in range(order):
         motion = free[:, i] @ x
@@ -50,10 +51,10 @@ def best_margin(x, lower, upper, u_min, u_max, steps, ends_at_rest):
             "b_eq": -(free[-1, :-1] @ x),
         }
     result = linprog(
-        np.r_[np.zeros(len(steps)), -1.0],
+        np.r_[np.zeros(holds), -1.0],
         A_ub=np.vstack(rows),
         b_ub=np.concatenate(limits),
-        bounds=[(u_min, u_max)] * len(steps) + [(None, None)],
+        bounds=[(u_min, u_max)] * holds + [(None, None)],
         method="highs",
         **at_rest,
     )
