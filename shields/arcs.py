@@ -69,7 +69,7 @@ def combined(a, s, b):
     return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
 
 
-@inline_kernel
+@kernel
 def flown(x, snap, t):
     """The flat state after the snap was held for t, equation (9) in each axis."""
     j = combined(x.j, t, snap)
@@ -79,7 +79,7 @@ def flown(x, snap, t):
     return Flat(r, v, a, j)
 
 
-@inline_kernel
+@kernel
 def position_points(x, snap, d):
     """Bernstein control points of the position over a piece of length d."""
     c1, c2, c3 = scale(d, x.v), scale(d * d / 2, x.a), scale(d**3 / 6, x.j)
@@ -96,7 +96,7 @@ def acceleration_points(x, snap, d):
     return (x.a, combined(x.a, d / 2, x.j), combined(combined(x.a, d, x.j), d * d / 2, snap))
 
 
-@inline_kernel
+@kernel
 def is_separated(n, length, points, center, drift, radius):
     """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖`` for all five control points; the centre moves by drift in all."""
     # Through the centre there is no direction, and what has overflowed is not clear either.
@@ -109,7 +109,7 @@ def is_separated(n, length, points, center, drift, radius):
     return True
 
 
-@inline_kernel
+@kernel
 def piece_clears(points, center, drift, radius):
     """Whether a plane across the direction to the middle of the piece, or to its start, separates."""
     middle = subtract(points[2], combined(center, 0.5, drift))
@@ -129,7 +129,7 @@ def piece_keeps_thrust(points, floor):
     return length >= floor.thrust and dot(b1, b0) >= least and dot(b1, b2) >= least
 
 
-@inline_kernel
+@kernel
 def pieces_are_clear(x, snap, start, d, pieces, spheres, floor):
     """Whether every piece of length d of the arc keeps clear of the spheres and of the thrust floor."""
     for piece in range(pieces):

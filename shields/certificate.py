@@ -60,7 +60,7 @@ PLAN = np.dtype(
 )
 
 
-@inline_kernel
+@kernel
 def dead_beat_snap(x, frame, h):
     """First snap of the stop: three such, each held for h, end in v = w, a = j = 0."""
     slow = combined(scale(-2 / h**2, x.a), -11 / (6 * h), x.j)
@@ -98,7 +98,7 @@ def clear_length(x, start, frame, first, period, spheres, limits):
     return -1
 
 
-@inline_kernel
+@kernel
 def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
     plan["is_certified"] = True
@@ -110,7 +110,7 @@ def write_stop(plan, x, frame, choice, period):
     begin_segment(plan, period)
 
 
-@inline_kernel
+@kernel
 def begin_segment(plan, period):
     """Start the next segment of the stored stop; after the last one the vehicle is at rest in the frame."""
     x, frame = flat_of(plan["reference"]), vector(plan["frame"])
@@ -122,7 +122,7 @@ def begin_segment(plan, period):
         write_flat(plan["reference"], Flat(x.r, frame, NOTHING, NOTHING))
 
 
-@inline_kernel
+@kernel
 def advance_stop(plan, period):
     """Move the stored stop on by one period."""
     write_flat(plan["reference"], flown(flat_of(plan["reference"]), vector(plan["snap"]), period))
@@ -132,7 +132,7 @@ def advance_stop(plan, period):
         begin_segment(plan, period)
 
 
-@inline_kernel
+@kernel
 def tracking_snap(plan, x, gains):
     """The stored stop's snap, with feedback on the deviation from its reference."""
     ref = flat_of(plan["reference"])

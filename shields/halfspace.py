@@ -51,7 +51,7 @@ def least_input(order, state, wanted, bound, sampling):
     return required(order, state, u_max, bound, period, gamma, wanted, input_max)
 
 
-@inline_kernel
+@kernel
 def demand_along(n, x, wanted, distance, sampling):
     """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
     y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
@@ -65,7 +65,7 @@ def excess(demand, wanted):
     return max(0.0, demand.least - dot(demand.n, wanted))
 
 
-@inline_kernel
+@kernel
 def better(first, second, wanted):
     """The demand to prefer: in its set, then with less correction; the first of equals."""
     if first.is_admissible != second.is_admissible:
@@ -75,7 +75,7 @@ def better(first, second, wanted):
     return second if second.value > first.value else first
 
 
-@inline_kernel
+@kernel
 def closest_approach(x):
     """From the sphere to the point of closest approach of a straight flight; the present point at rest."""
     speed = dot(x.v, x.v)
@@ -98,7 +98,7 @@ def distance_demand(x, last, wanted, distance, sampling):
     return demand
 
 
-@inline_kernel
+@kernel
 def closing_along(n, x, wanted, closing, sampling):
     """The least ``n·u``, from the wanted one up, that keeps closing speed, acceleration and jerk bounded."""
     y1, y2, y3, U = dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, wanted)

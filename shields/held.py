@@ -53,7 +53,7 @@ def lower(order, x, u_max):
     return lower1(x[3], 0.0)
 
 
-@inline_kernel
+@kernel
 def _may_dip(y, period):
     """Whether the Bernstein coefficients of dx_n/dt allow it to turn from negative to positive."""
     a, b, c = y[2] * period / 3.0, y[1] * period * period / 6.0, y[0] * period * period * period / 6.0

@@ -78,7 +78,7 @@ def choose_directions(x, wanted, spheres, seen, has_stop, settings, work, decisi
             work.keep_out[k] = min((1 + 0.5 * settings.margin) * radius[k], SLACK * norm(y.r))
 
 
-@inline_kernel
+@kernel
 def raise_offset(work, row, demand, u):
     """Enter a half-space that u is outside of; False if u is inside, or the half-space is in already."""
     if not excess(demand, u) > 0.0 or work.offsets[row] > -math.inf:
@@ -108,7 +108,7 @@ def cut(x, u, spheres, seen, settings, work, decision):
     return is_cut
 
 
-@inline_kernel
+@kernel
 def note_demand(demand, u, k, most, decision):
     """Remember the sphere that asks for the largest correction, and the largest input asked for."""
     correction = excess(demand, u)
@@ -147,7 +147,7 @@ def is_as_foreseen(plan, x, spheres, seen, margin):
     return True
 
 
-@inline_kernel
+@kernel
 def foresee(spheres, seen, period):
     """Remember the spheres as they will be when the period is over."""
     center, velocity, radius = spheres
@@ -157,7 +157,7 @@ def foresee(spheres, seen, period):
         seen[k]["radius"] = radius[k]
 
 
-@inline_kernel
+@kernel
 def is_outside(x, center, radius):
     """Whether the vehicle is outside every keep-out sphere."""
     for k in range(radius.shape[0]):
@@ -176,7 +176,7 @@ def backup_snap(x, spheres, seen, settings, work, decision):
     return u if is_feasible else scale(settings.sampling.input_max, vector(seen[k]["normal"]))
 
 
-@inline_kernel
+@kernel
 def stop_limits(x, stop):
     """The limits of a stop; a vehicle that starts below the thrust floor may not sink further."""
     lift = combined(x.a, stop.floor.gravity, (0.0, 0.0, 1.0))
@@ -185,7 +185,7 @@ def stop_limits(x, stop):
     )
 
 
-@inline_kernel
+@kernel
 def note_kind(decision, kind, is_clear_now):
     """Write down what was flown."""
     decision["refused"] = kind != ACCEPTED

@@ -109,7 +109,7 @@ def _nearest_on_plane(desired, reach, normals, offsets, last):
     return point, True
 
 
-@inline_kernel
+@kernel
 def _nearest(desired, normals, offsets, count):
     """Nearest to ``desired`` within the first ``count`` half-spaces, to rounding of ``desired``."""
     point, is_feasible = desired, True

@@ -38,7 +38,7 @@ ITERATIONS = 60
 DESCENTS = 4
 
 
-@inline_kernel
+@kernel
 def _needed_at(order, p, t, period, u_max, target):
     """Least U with x_n(t) >= target, less rounding; ``p`` is x_n under u_max."""
     value, _, size = evaluate(p, t)
@@ -68,7 +68,7 @@ def _needed_near(order, p, t, period, u_max, target):
     return best
 
 
-@inline_kernel
+@kernel
 def _rise_at(order, p, t, period, u, missing):
     """Rise of U that lifts x_n(t) by ``missing`` and a rounding; 0 if nothing is missing."""
     if missing <= 0.0:
