@@ -3,7 +3,7 @@ PYTHON ?= python3
 PIP_CONSTRAINTS ?= -c constraints-cpu.txt
 BIN := .venv/bin
 
-.PHONY: setup train test lint clean
+.PHONY: setup train test lint docs clean
 
 setup: .venv/ready
 
@@ -25,6 +25,10 @@ lint: setup
 test: setup lint
 	$(BIN)/python -m pytest --numprocesses 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m interpreted --cov --cov-report=term
+
+docs: setup
+	$(BIN)/python -m pip install --quiet --group docs
+	$(BIN)/mkdocs build --strict
 
 clean:
 	rm -rf .venv logs build dist *.egg-info
