@@ -56,7 +56,7 @@ class PpoSettings:
     """Transitions of one gradient step."""
     n_epochs: int = 5
     """Passes over the transitions of one update."""
-    learning_rate: float = 1e-3
+    learning_rate: float = 2e-3
     """Step size of Adam."""
     gamma: float = 0.99
     """Discount per policy step."""
