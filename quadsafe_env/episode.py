@@ -4,6 +4,7 @@ import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_env.counter_rng import Key, derived_key
+from quadsafe_env.dynamics import axpy, derivative_kernel
 from quadsafe_env.flatness import wrench_from_snap_kernel
 from quadsafe_env.obstacles import NO_OBSTACLE, clearance
 from quadsafe_env.rotors import limited_step
@@ -58,6 +59,14 @@ def start_batch(records):
         clear_step(records[i], NO_OBSTACLE)
 
 
+@inline_kernel
+def held_wrench(s, snap, yaw_acceleration, params, dt):
+    """(35) at the predicted middle of the step: held over it, the snap is met to second order in dt."""
+    first = wrench_from_snap_kernel(s, snap, yaw_acceleration, params)
+    middle = axpy(0.5 * dt, derivative_kernel(s, first, params), s)
+    return wrench_from_snap_kernel(middle, snap, yaw_acceleration, params)
+
+
 @kernel
 def advance_batch(states, snap, yaw_acceleration, goal, center, radius, params, rotors, dt, substeps, records):
     """Hold snap and yaw acceleration for ``substeps`` RK4 steps; a row stops at its last sound state."""
@@ -68,7 +77,7 @@ def advance_batch(states, snap, yaw_acceleration, goal, center, radius, params, 
         s = load(states[i])
         u = (snap[i, 0], snap[i, 1], snap[i, 2])
         for _ in range(substeps):
-            wrench = wrench_from_snap_kernel(s, u, yaw_acceleration[i], params)
+            wrench = held_wrench(s, u, yaw_acceleration[i], params, dt)
             after, is_clipped = limited_step(s, wrench, params, rotors, dt)
             record["saturated"] |= is_clipped
             if not is_sound(after, params.thrust_min):
