@@ -1,4 +1,4 @@
-"""The shield: what it passes, what it corrects, what it refuses, and what it remembers."""
+"""The shield around method "cbf": what it passes, what it corrects, what it refuses, what it remembers."""
 
 import copy
 import json
@@ -13,12 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from shields import Filtered, Shield
 from shields.cbf import ClosingBounds, Limits, filtered_input
-from shields.filtered import brake_batch
+from shields.filtered import DECISION, brake_batch
 from shields.radial import radial_snap, radial_state
 
 PERIOD = 0.01
 SNAP_MAX = 30.0
 CENTER, RADIUS = np.array([[0.5, -0.25, 1.0]]), np.array([0.8])
+
+
+def cbf(**settings):
+    return Shield(**({"method": "cbf", "snap_max": 100.0} | settings))
 
 
 def coordinates(reach):
@@ -31,7 +35,7 @@ SNAP = coordinates(300.0).map(np.array)
 
 
 def shielded(flat, snap, **changed):
-    return Shield(**({"snap_max": SNAP_MAX} | changed)).filter(flat, CENTER, RADIUS, snap, PERIOD)
+    return cbf(**({"snap_max": SNAP_MAX} | changed)).filter(flat, CENTER, RADIUS, snap, PERIOD)
 
 
 def rows(n, seed=0):
@@ -65,13 +69,13 @@ def test_what_is_safe_passes_bit_for_bit(flat, snap):
 
 def test_correction_is_the_least_one_along_the_line_of_sight():
     flat, center, radius, snap = rows(300, seed=1)
-    answer = Shield().filter(flat, center, radius, snap, PERIOD)
+    answer = cbf().filter(flat, center, radius, snap, PERIOD)
     n = flat[:, 0] / np.linalg.norm(flat[:, 0], axis=1, keepdims=True)
     # The correction is a difference of snaps whose drift can be large.
     slack = 1e-9 * (1.0 + answer.correction[:, np.newaxis])
     assert (np.abs(answer.snap - snap - answer.correction[:, np.newaxis] * n) <= slack).all()
     short = snap + (answer.correction[:, np.newaxis] - 2.0 * slack) * n
-    almost = Shield().filter(flat, center, radius, short, PERIOD)
+    almost = cbf().filter(flat, center, radius, short, PERIOD)
     acted = answer.intervened
     assert np.count_nonzero(acted) > 50
     assert almost.intervened[acted].all()
@@ -92,7 +96,7 @@ def test_filter_is_idempotent(flat, snap):
 def test_filter_is_rotation_invariant(flat, snap, seed):
     turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     answer = shielded(flat, snap)
-    turned = Shield(snap_max=SNAP_MAX).filter(flat @ turn.T, CENTER @ turn.T, RADIUS, turn @ snap, PERIOD)
+    turned = cbf(snap_max=SNAP_MAX).filter(flat @ turn.T, CENTER @ turn.T, RADIUS, turn @ snap, PERIOD)
     # t* can jump between two minima of nearly one value: compare where the answer is continuous.
     nudged = shielded(flat * (1.0 + 1e-9), snap)
     slack = 1e-9 * (1.0 + answer.correction) + 10.0 * np.linalg.norm(nudged.snap - answer.snap)
@@ -110,21 +114,21 @@ def test_filter_is_monotone_along_the_line_of_sight(flat, snap, more):
 
 def test_batch_equals_single_bit_for_bit():
     flat, center, radius, snap = rows(200)
-    batch = Shield().filter(flat, center, radius, snap, PERIOD)
+    batch = cbf().filter(flat, center, radius, snap, PERIOD)
     assert 20 < np.count_nonzero(batch.intervened) < 180
     for i in range(200):
-        single = Shield().filter(flat[i], center[i], radius[i], snap[i], PERIOD)
+        single = cbf().filter(flat[i], center[i], radius[i], snap[i], PERIOD)
         assert all(np.array_equal(a[i], b) for a, b in zip(batch, single, strict=True))
 
 
 def test_answers_have_the_shape_of_the_question():
     flat, center, radius, snap = rows(7)
-    batch = Shield().filter(flat, center, radius, snap, PERIOD)
-    assert [x.shape for x in batch] == [(7, 3), *[(7,)] * 5]
-    single = Shield().filter(flat[0], center[0], radius[0], snap[0], PERIOD)
-    assert [np.shape(x) for x in single] == [(3,), *[()] * 5]
+    batch = cbf().filter(flat, center, radius, snap, PERIOD)
+    assert [x.shape for x in batch] == [(7, 3), *[(7,)] * 10]
+    single = cbf().filter(flat[0], center[0], radius[0], snap[0], PERIOD)
+    assert [np.shape(x) for x in single] == [(3,), *[()] * 10]
     as_lists = [x[0].tolist() for x in (flat, center, radius, snap)]
-    assert np.array_equal(Shield().filter(*as_lists, 1).snap, single.snap)
+    assert np.array_equal(cbf().filter(*as_lists, 1).snap, single.snap)
     assert not np.shares_memory(batch.snap, snap)
 
 
@@ -132,7 +136,7 @@ def test_answers_have_the_shape_of_the_question():
 def test_without_an_obstacle_everything_passes(obstacles):
     snap = np.array([1e3, -2e3, 3e3])
     center, radius = np.zeros((obstacles, 3)), np.zeros(obstacles)
-    answer = Shield(max_closing_speed=0.1).filter(np.ones((4, 3)), center, radius, snap, PERIOD)
+    answer = cbf(max_closing_speed=0.1).filter(np.ones((4, 3)), center, radius, snap, PERIOD)
     assert answer.snap.tobytes() == snap.tobytes()
     assert (answer.value, answer.in_set, answer.intervened) == (math.inf, True, False)
 
@@ -144,8 +148,8 @@ def test_the_obstacle_is_found_among_absent_ones():
         np.ones((1, 1)),
     )
     snap = np.array([[-9.0, 8.0, 7.0]])
-    alone = Shield().filter(flat, center, radius, snap, PERIOD)
-    among = Shield().filter(
+    alone = cbf().filter(flat, center, radius, snap, PERIOD)
+    among = cbf().filter(
         flat,
         np.concatenate([np.ones((1, 2, 3)), center, np.ones((1, 1, 3))], axis=1),
         np.concatenate([np.zeros((1, 2)), radius, np.zeros((1, 1))], axis=1),
@@ -158,8 +162,8 @@ def test_the_obstacle_is_found_among_absent_ones():
 
 def test_margin_widens_the_radius():
     flat, snap = np.array([[3.0, 0, 0], [-1.0, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([-50.0, 0, 0])
-    wide = Shield(margin=0.1).filter(flat, np.zeros((1, 3)), [1.0], snap, PERIOD)
-    exact = Shield(margin=0.0).filter(flat, np.zeros((1, 3)), [1.1], snap, PERIOD)
+    wide = cbf(margin=0.1).filter(flat, np.zeros((1, 3)), [1.0], snap, PERIOD)
+    exact = cbf(margin=0.0).filter(flat, np.zeros((1, 3)), [1.1], snap, PERIOD)
     assert np.array_equal(wide.snap, exact.snap)
     assert wide.value == exact.value
 
@@ -174,24 +178,24 @@ def test_margin_widens_the_radius():
 )
 def test_optional_bounds_act_on_their_derivative(bound, flat):
     question = (np.array(flat), np.zeros((1, 3)), [1.0], np.array([-20.0, 0, 0]), PERIOD)
-    assert not Shield().filter(*question).intervened
-    tight = Shield(**{bound: 2.01}).filter(*question)
+    assert not cbf().filter(*question).intervened
+    tight = cbf(**{bound: 2.01}).filter(*question)
     assert tight.intervened
     assert tight.value < 0.02
-    assert not Shield(**{bound: 50.0}).filter(*question).intervened
-    assert not Shield(**{bound: 1.0}).filter(*question).in_set
+    assert not cbf(**{bound: 50.0}).filter(*question).intervened
+    assert not cbf(**{bound: 1.0}).filter(*question).in_set
 
 
 def test_recovery_from_outside_is_capped():
     flat = np.array([[1.0, 0, 0], [-4.0, 0, 0], [0, 0, 0], [0, 0, 0]])
-    answer = Shield(snap_max=50.0, reserve=2.0).filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+    answer = cbf(snap_max=50.0, reserve=2.0).filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
     assert not answer.in_set
     assert radial_snap(flat, answer.snap, np.zeros(3)) == pytest.approx(100.0, rel=1e-12)
 
 
 def test_at_the_centre_the_answer_is_finite_and_leads_out():
     flat = np.array([[0.0, 0, 0], [-2.0, 0, -1.0], [0, 1.0, 0], [0, 0, -3.0]])
-    answer = Shield().filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+    answer = cbf().filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
     assert np.array_equal(answer.snap, [0.0, 0.0, 300.0])
 
 
@@ -204,14 +208,16 @@ def test_a_missing_wish_is_answered_by_braking():
         assert not answer.intervened
         assert np.isfinite(answer.snap).all()
     # As the period goes to zero the gains become those of (s + 3)³.
-    brake_batch(flat[np.newaxis], np.array([27.0, 27.0, 9.0]), np.array([True]), expected)
-    tiny = Shield().filter(flat, CENTER, RADIUS, [np.nan] * 3, 1e-6)
+    decisions = np.zeros(1, DECISION)
+    decisions["fallback"] = True
+    brake_batch(flat[np.newaxis], np.array([27.0, 27.0, 9.0]), decisions, expected)
+    tiny = cbf().filter(flat, CENTER, RADIUS, [np.nan] * 3, 1e-6)
     np.testing.assert_allclose(tiny.snap, expected[0], rtol=1e-4)
 
 
 @pytest.mark.parametrize("period", [0.001, 0.05, 1.0])
 def test_braking_comes_to_rest_and_stays_shielded(period):
-    flat, shield = np.array([[4.0, 0, 0], [-2.0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]]), Shield()
+    flat, shield = np.array([[4.0, 0, 0], [-2.0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]]), cbf()
     center, radius, wish = np.zeros((1, 3)), np.zeros(1), np.full(3, np.nan)
     for _ in range(int(max(8.0, 10 * period) / period)):
         flat = held(flat, shield.filter(flat, center, radius, wish, period).snap, period)
@@ -240,7 +246,7 @@ def fly_at_the_sphere(shield, seconds, period):
 
 def test_in_continuous_time_the_sphere_is_never_entered():
     # 0.1 ms holds, against braking times of about 0.5 s; no margin.
-    least = fly_at_the_sphere(Shield(snap_max=20.0, margin=0.0), 3.0, 1e-4)
+    least = fly_at_the_sphere(cbf(snap_max=20.0, margin=0.0), 3.0, 1e-4)
     assert 1.0 <= least < 1.1
 
 
@@ -252,7 +258,7 @@ SETTINGS = {"snap_max": 40.0, "reserve": 2.0, "alpha": 1.5, "margin": 0.01, "max
 
 
 def test_settings_survive_json_pickle_and_copies():
-    shield = Shield(**SETTINGS)
+    shield = cbf(**SETTINGS)
     question = (*rows(4), PERIOD)
     expected = shield.filter(*question)
     twins = [
@@ -264,11 +270,11 @@ def test_settings_survive_json_pickle_and_copies():
         assert twin.settings == shield.settings
         assert np.array_equal(twin.filter(*question).snap, expected.snap)
     assert repr(shield).startswith("Shield(method='cbf', snap_max=40.0, reserve=2.0, alpha=1.5,")
-    assert Shield(snap_max=np.float32(2.0)).settings["snap_max"] == 2.0
+    assert cbf(snap_max=np.float32(2.0)).settings["snap_max"] == 2.0
 
 
 def test_number_of_plants_is_fixed_until_reset():
-    shield = Shield()
+    shield = cbf()
     shield.reset(np.array([True, False]))
     assert isinstance(shield.filter(*rows(3), PERIOD), Filtered)
     with pytest.raises(ValueError, match=r"keep their N and K until reset\(\), got \(2, 1\) after \(3, 1\)"):
@@ -281,7 +287,7 @@ def test_number_of_plants_is_fixed_until_reset():
 
 @pytest.mark.parametrize("mask", [np.ones(2, dtype=bool), np.ones(3), np.ones((3, 1), dtype=bool)])
 def test_wrong_reset_masks_are_named(mask):
-    shield = Shield()
+    shield = cbf()
     shield.filter(*rows(3), PERIOD)
     with pytest.raises(ValueError, match="mask must"):
         shield.reset(mask)
@@ -290,7 +296,7 @@ def test_wrong_reset_masks_are_named(mask):
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"method": "magic"}, "method must be one of 'cbf'"),
+        ({"method": "magic"}, "method must be one of 'sampled', 'cbf'"),
         ({"snap_max": 0.0}, "snap_max must be a finite number > 0, got 0.0"),
         ({"reserve": 0.5}, "reserve must be >= 1, got 0.5"),
         ({"reserve": math.inf}, "reserve must be a finite number > 0"),
@@ -333,21 +339,21 @@ def test_bad_measurements_are_named(changed, message):
         "period": PERIOD,
     }
     with pytest.raises(ValueError, match=message):
-        Shield().filter(**(good | changed))
+        cbf().filter(**(good | changed))
 
 
 def test_what_is_not_a_number_is_a_type_error():
     with pytest.raises(TypeError, match="flat must be an array of real numbers"):
-        Shield().filter("here", np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+        cbf().filter("here", np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
 
 
 @pytest.mark.interpreted
 def test_one_filtered_row():
     flat = np.array([[2.0, 0, 0], [-1.0, 0.5, 0], [0, 0, 0], [0, 0, 0]])
-    answer = Shield(snap_max=10.0).filter(flat, np.zeros((1, 3)), [1.0], np.array([-30.0, 1.0, 2.0]), PERIOD)
+    answer = cbf(snap_max=10.0).filter(flat, np.zeros((1, 3)), [1.0], np.array([-30.0, 1.0, 2.0]), PERIOD)
     assert answer.intervened
     assert np.array_equal(answer.snap[1:], [1.0, 2.0])
     assert answer.correction == pytest.approx(answer.snap[0] + 30.0, rel=1e-14)
-    braked = Shield().filter(flat, np.zeros((1, 3)), [0.0], np.full(3, np.nan), PERIOD)
+    braked = cbf().filter(flat, np.zeros((1, 3)), [0.0], np.full(3, np.nan), PERIOD)
     assert braked.fallback
     assert braked.snap[0] > 0.0 > braked.snap[1]
