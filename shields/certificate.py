@@ -48,6 +48,7 @@ class StopLimits(NamedTuple):
 # The stored stop of one vehicle.
 PLAN = np.dtype(
     [
+        ("is_stored", "?"),
         ("is_certified", "?"),
         ("reference", "f8", (4, 3)),
         ("snap", "f8", (3,)),
@@ -101,7 +102,7 @@ def clear_length(x, start, frame, first, period, spheres, limits):
 @kernel
 def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
-    plan["is_certified"] = True
+    plan["is_stored"] = plan["is_certified"] = True
     plan["choice"] = choice
     plan["periods"] = periods_of(choice, period)
     plan["segments_left"] = SEGMENTS
@@ -170,17 +171,19 @@ def accept(plan, x, snap, period, spheres, limits):
 def certified_snap(plan, x, wanted, is_wanted, period, spheres, limits, gains):
     """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
 
-    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, or UNCERTIFIED when there is no stop at all.
+    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, or UNCERTIFIED: then it is the stored stop that
+    the vehicle strayed from, if there is one.
     """
     if is_wanted and accept(plan, x, wanted, period, spheres, limits):
         return wanted, ACCEPTED
-    if not plan["is_certified"] and not adopt_stop(plan, x, 0.0, period, spheres, limits):
+    is_certified = plan["is_certified"] or adopt_stop(plan, x, 0.0, period, spheres, limits)
+    if not plan["is_stored"]:
         return NOTHING, UNCERTIFIED
     stop = tracking_snap(plan, x, gains)
-    if is_wanted:
+    if is_wanted and is_certified:
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))
             if accept(plan, x, blend, period, spheres, limits):
                 return blend, BLENDED
     advance_stop(plan, period)
-    return stop, STOPPED
+    return stop, STOPPED if is_certified else UNCERTIFIED
