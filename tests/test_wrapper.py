@@ -29,6 +29,11 @@ KEYS = {
     "in_set",
     "fallback",
     "fallbacks",
+    "obstacle",
+    "reserve",
+    "refusals",
+    "stopped",
+    "certified",
 }
 
 
@@ -137,6 +142,11 @@ def test_info_describes_the_policy_step():
         "in_set": bool,
         "fallback": bool,
         "fallbacks": int,
+        "obstacle": int,
+        "reserve": float,
+        "refusals": int,
+        "stopped": bool,
+        "certified": bool,
     }
 
 
