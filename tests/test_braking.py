@@ -59,7 +59,7 @@ def test_the_value_is_the_least_x4_of_the_trajectory(x, x1_max, x2_max, braking,
     value, t_star, _ = braking4(*x.tolist(), bounds)
     along = path(x, bounds)
     size = 1e-11 * (1.0 + np.abs(along).max())
-    # the upper bounds hold on the way, and x_2 ends on its own; rounding, of which the long last phase makes more
+    # the upper bounds hold on the way, and x_2 ends on its own; rounding, most of it
     assert along[:, 0].max() <= x1_max + size and along[:, 1].max() <= x2_max + size
     assert along[-1, :2] == pytest.approx([0.0, x2_max], abs=size)
     assert along[:, 3].min() - 0.3 >= value - size
