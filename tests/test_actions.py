@@ -138,7 +138,7 @@ def test_wrench_command_is_the_wrench_that_acts():
         action, before = rng.uniform(-1, 1, 4).astype(np.float32), env.state
         env.step(action)
         expected = step(before, action * env.action_scale, CRAZYFLIE, 0.002)
-        # The snap of this wrench is held, so the wrench itself turns with the body: by some 1e-5 in 30 steps of 2 ms.
+        # The snap of this wrench is held, so the wrench itself turns with the body, by some 1e-5.
         np.testing.assert_allclose(env.state, expected, rtol=1e-4, atol=5e-5)
 
 
