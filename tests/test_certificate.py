@@ -1,0 +1,278 @@
+"""The joint certificate: stops that end in exact rest, and a snap accepted only with such a stop after it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from quadsafe_core.feedback import held_gains
+from shields.arcs import Flat, Spheres, ThrustFloor, combined, flat_of, flown
+from shields.certificate import (
+    ACCEPTED,
+    BLENDED,
+    BLENDS,
+    LENGTHS,
+    PLAN,
+    SEGMENTS,
+    STOPPED,
+    UNCERTIFIED,
+    StopLimits,
+    accept,
+    adopt_stop,
+    advance_stop,
+    certified_snap,
+    dead_beat_snap,
+    periods_of,
+    stop_is_clear,
+    tracking_snap,
+    write_stop,
+)
+
+GRAVITY, PERIOD = 9.81, 0.05
+LIMITS = StopLimits(600.0, ThrustFloor(1.0, GRAVITY))
+GAINS = tuple(held_gains(4, 30.0, PERIOD).tolist())
+WORLD = (0.0, 0.0, 0.0)
+FRAMES = [WORLD, (0.7, -0.3, 0.2)]
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def three(x):
+    return tuple(float(entry) for entry in x)
+
+
+def flat_state(rows):
+    return Flat(*map(three, rows))
+
+
+def some_state(rng):
+    return flat_state(rng.normal(size=(4, 3)) * [[2.0], [1.0], [2.0], [5.0]])
+
+
+def at(*position):
+    return flat_state([position, WORLD, WORLD, WORLD])
+
+
+def empty_plan():
+    return np.zeros(1, dtype=PLAN)[0]
+
+
+def spheres_of(*rows):
+    """Spheres from (center, velocity, distance to keep)."""
+    centers, velocities, keep_out = zip(*rows, strict=True)
+    return Spheres(np.array(centers, float), np.array(velocities, float), np.array(keep_out, float))
+
+
+FAR_AWAY = spheres_of(((50.0, 0, 0), WORLD, 0.5))
+
+
+def samples_of(x, snap, duration):
+    return [flown(x, snap, float(t)) for t in np.linspace(0.0, duration, 51)]
+
+
+def samples_of_stop(plan, period, snap_max):
+    """The stored stop along the times since the instant it starts at, and its end, by its own formula."""
+    x, frame, h = flat_of(plan["reference"]), three(plan["frame"]), int(plan["periods"]) * period
+    states = []
+    for _ in range(SEGMENTS):
+        snap = dead_beat_snap(x, frame, h)
+        assert np.linalg.norm(snap) <= snap_max
+        states += samples_of(x, snap, h)
+        x = flown(x, snap, h)
+    return states, np.concatenate([np.linspace(0.0, h, 51) + i * h for i in range(SEGMENTS)]), x
+
+
+def assert_clear(states, times, spheres):
+    r = np.array([x.r for x in states])
+    for center, velocity, keep_out in zip(*spheres, strict=True):
+        gap = r - center - np.asarray(times)[:, None] * velocity
+        # Rounding of the control points.
+        assert np.linalg.norm(gap, axis=1).min() >= keep_out - 1e-12
+    thrust = np.linalg.norm([np.add(x.a, (0, 0, GRAVITY)) for x in states], axis=1)
+    assert thrust.min() >= LIMITS.floor.thrust - 1e-12
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("h", [0.05, 0.3, 1.5])
+def test_three_dead_beat_segments_end_in_exact_rest(frame, h):
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        x = some_state(rng)
+        snap = dead_beat_snap(x, frame, h)
+        size = np.linalg.norm(snap)
+        for _ in range(SEGMENTS):
+            x = flown(x, dead_beat_snap(x, frame, h), h)
+        # To rounding of the snap, which is the largest number on the way: s h^k in the k-th derivative.
+        np.testing.assert_allclose(x.v, frame, atol=1e-13 * (size * h**3 + 10))
+        np.testing.assert_allclose(x.a, 0.0, atol=1e-13 * (size * h**2 + 10 / h))
+        np.testing.assert_allclose(x.j, 0.0, atol=1e-13 * (size * h + 10 / h**2))
+
+
+@pytest.mark.interpreted
+def test_dead_beat_snap_by_hand():
+    snap = dead_beat_snap(flat_state([WORLD, (8.0, 0, 0), (0, 4.0, 0), (0, 0, 3.0)]), (0.0, 0.0, 8.0), 2.0)
+    # −v/h³ = −1, −2a/h² = −2, −11j/(6h) + w/h³ = −11/4 + 1
+    np.testing.assert_allclose(snap, (-1.0, -2.0, -1.75), rtol=1e-15)
+
+
+@pytest.mark.interpreted
+def test_segments_are_whole_periods_of_about_the_length():
+    assert periods_of(0, 1.0) == 1
+    assert periods_of(0, 0.05) == 2
+    for choice, length in enumerate(LENGTHS):
+        assert abs(periods_of(choice, 0.001) * 0.001 - length) <= 0.0005 + 1e-12
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
+    rng = np.random.default_rng(1)
+    for choice in (0, 5, 12):
+        x, plan = some_state(rng), empty_plan()
+        write_stop(plan, x, frame, choice, PERIOD)
+        _, _, end = samples_of_stop(plan, PERIOD, math.inf)
+        periods = periods_of(choice, PERIOD)
+        for _ in range(SEGMENTS * periods):
+            assert plan["segments_left"] > 0
+            advance_stop(plan, PERIOD)
+        # Rounding accumulates over at most 90 periods.
+        np.testing.assert_allclose(plan["reference"][0], end.r, atol=1e-11)
+        np.testing.assert_array_equal(plan["reference"][1:], [frame, WORLD, WORLD])
+        np.testing.assert_array_equal(plan["snap"], WORLD)
+        rested = plan["reference"][0].copy()
+        for _ in range(100):
+            advance_stop(plan, PERIOD)
+        np.testing.assert_allclose(plan["reference"][0], rested + 100 * PERIOD * np.array(frame), atol=1e-11)
+        np.testing.assert_array_equal(plan["reference"][1:], [frame, WORLD, WORLD])
+
+
+@pytest.mark.parametrize("period", [0.05, 0.01, 0.001])
+def test_tracking_brings_a_perturbed_vehicle_back(period):
+    rng = np.random.default_rng(2)
+    gains, plan = tuple(held_gains(4, 30.0, period).tolist()), empty_plan()
+    write_stop(plan, some_state(rng), WORLD, 6, period)
+    reference = plan["reference"].copy()
+    x = flat_state(reference + rng.normal(size=(4, 3)) * [[1e-2], [1e-2], [0.1], [1.0]])
+    for _ in range(round(2.0 / period)):
+        x = flown(x, tracking_snap(plan, x, gains), period)
+        advance_stop(plan, period)
+    # Twenty time constants of four equal poles at 30 1/s leave less than 1e-15; rounding is larger.
+    np.testing.assert_allclose(x, plan["reference"], atol=1e-7)
+
+
+@pytest.mark.interpreted
+def test_on_the_reference_tracking_is_the_stored_snap():
+    plan = empty_plan()
+    write_stop(plan, flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), WORLD, 3, PERIOD)
+    assert tracking_snap(plan, flat_of(plan["reference"]), GAINS) == three(plan["snap"])
+
+
+@settings(max_examples=150, deadline=None)
+@given(SEEDS)
+def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
+    rng = np.random.default_rng(seed)
+    x, snap = some_state(rng), three(rng.normal(size=3) * 200)
+    spheres = spheres_of(
+        *(
+            (rng.normal(size=3) * 2, rng.normal(size=3) * rng.integers(2), rng.uniform(0.2, 1.0))
+            for _ in range(3)
+        )
+    )
+    plan = empty_plan()
+    if not accept(plan, x, snap, PERIOD, spheres, LIMITS):
+        assert plan == empty_plan()
+        return
+    assert plan["is_stored"] and plan["is_certified"]
+    np.testing.assert_array_equal(plan["reference"], flown(x, snap, PERIOD))
+    assert_clear(samples_of(x, snap, PERIOD), np.linspace(0.0, PERIOD, 51), spheres)
+    states, times, end = samples_of_stop(plan, PERIOD, LIMITS.snap_max)
+    assert_clear(states, PERIOD + times, spheres)
+    later = np.linspace(0.0, 30.0, 301)
+    r = np.array(end.r) + later[:, None] * plan["frame"]
+    resting = [Flat(three(row), WORLD, WORLD, WORLD) for row in r]
+    assert_clear(resting, PERIOD + times[-1] + later, spheres)
+
+
+def test_most_slow_flights_in_the_open_are_accepted():
+    rng = np.random.default_rng(3)
+    for _ in range(100):
+        x, snap = some_state(rng), three(rng.normal(size=3) * 50)
+        assert accept(empty_plan(), x, snap, PERIOD, FAR_AWAY, LIMITS)
+
+
+@pytest.mark.interpreted
+def test_an_accepted_snap_comes_back_with_its_stop():
+    plan, wanted = empty_plan(), (3.0, 4.0, 0.0)
+    answer = certified_snap(plan, at(0, 0, 0), wanted, True, PERIOD, FAR_AWAY, LIMITS, GAINS)
+    assert answer == (wanted, ACCEPTED)
+    np.testing.assert_array_equal(plan["reference"], flown(at(0, 0, 0), wanted, PERIOD))
+
+
+def test_a_refused_snap_is_replaced_by_the_stored_stop():
+    plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
+    write_stop(plan, x, WORLD, 4, PERIOD)
+    stored, reference = three(plan["snap"]), plan["reference"].copy()
+    for wanted, is_wanted in (((1e7, 0.0, 0.0), True), ((0.0, 0.0, 0.0), False)):
+        answer = certified_snap(plan.copy(), x, wanted, is_wanted, PERIOD, FAR_AWAY, LIMITS, GAINS)
+        assert answer == (stored, STOPPED)
+    certified_snap(plan, x, (1e7, 0.0, 0.0), True, PERIOD, FAR_AWAY, LIMITS, GAINS)
+    np.testing.assert_array_equal(plan["reference"], flown(flat_state(reference), stored, PERIOD))
+    assert plan["periods_left"] == plan["periods"] - 1
+
+
+def test_a_part_of_a_refused_snap_is_flown_if_that_can_be_certified():
+    x, spheres = at(0, 0, 0), FAR_AWAY
+    for size in np.geomspace(100.0, 1e6, 60):
+        plan, wanted = empty_plan(), (float(size), 0.0, 0.0)
+        snap, kind = certified_snap(plan, x, wanted, True, PERIOD, spheres, LIMITS, GAINS)
+        if kind == BLENDED:
+            break
+    # At rest the stop is to do nothing.
+    assert kind == BLENDED
+    assert snap in [combined(WORLD, share, wanted) for share in BLENDS]
+    np.testing.assert_array_equal(plan["reference"], flown(x, snap, PERIOD))
+    assert not accept(empty_plan(), x, wanted, PERIOD, spheres, LIMITS)
+
+
+@pytest.mark.interpreted
+def test_without_any_stop_there_is_no_certificate():
+    plan, inside = empty_plan(), spheres_of((WORLD, WORLD, 0.5))
+    answer = certified_snap(plan, at(0.1, 0, 0), (1.0, 0.0, 0.0), True, PERIOD, inside, LIMITS, GAINS)
+    assert answer == (WORLD, UNCERTIFIED)
+    assert not plan["is_stored"] and not plan["is_certified"]
+
+
+def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
+    plan, inside = empty_plan(), spheres_of((WORLD, WORLD, 0.5))
+    write_stop(plan, at(0.1, 0, 0), WORLD, 0, PERIOD)
+    plan["is_certified"] = False
+    x = at(0.11, 0, 0)
+    expected = tracking_snap(plan, x, GAINS)
+    answer = certified_snap(plan, x, (1.0, 0.0, 0.0), True, PERIOD, inside, LIMITS, GAINS)
+    assert answer == (expected, UNCERTIFIED)
+
+
+def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
+    plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
+    snap, kind = certified_snap(plan, x, WORLD, False, PERIOD, FAR_AWAY, LIMITS, GAINS)
+    assert kind == STOPPED
+    h = int(plan["periods"]) * PERIOD
+    assert snap == dead_beat_snap(x, WORLD, h)
+    assert stop_is_clear(x, 0.0, WORLD, h, FAR_AWAY, LIMITS)
+
+
+def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
+    # A sphere comes up behind: at rest in the world it would hit, ahead of it at its speed it does not.
+    chaser = spheres_of(((-1.5, 0, 0), (1.0, 0, 0), 0.5))
+    x, plan = flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), empty_plan()
+    assert adopt_stop(plan, x, 0.0, PERIOD, chaser, LIMITS)
+    np.testing.assert_array_equal(plan["frame"], (1.0, 0, 0))
+    states, times, _ = samples_of_stop(plan, PERIOD, LIMITS.snap_max)
+    assert_clear(states, times, chaser)
+
+
+def test_an_absent_sphere_lends_no_frame():
+    absent = spheres_of((WORLD, (1.0, 0, 0), 0.0))
+    plan = empty_plan()
+    assert adopt_stop(plan, flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), 0.0, PERIOD, absent, LIMITS)
+    np.testing.assert_array_equal(plan["frame"], WORLD)
