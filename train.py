@@ -12,6 +12,7 @@ from agents.command_line import Evaluate, Train, errors_as_sentences, interrupts
 
 def train(command: Train) -> int:
     """Train every arm with every seed, evaluate, report; 130 if Ctrl-C ended it early."""
+    print("Preparing; the first time, this compiles for about a minute.", flush=True)
     from agents import build, evaluate, ppo, report, runs
 
     with errors_as_sentences():
