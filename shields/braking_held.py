@@ -171,7 +171,7 @@ def sampled_braking_value(limits: BrakingSet, x: ArrayLike, period: float) -> An
         period: Δ > 0, s.
 
     Returns:
-        (…) unit of x_4. The upper bounds do not enter.
+        (…) unit of x_4; it says nothing where braking cannot keep the upper bounds, and may be -inf there.
 
     Raises:
         ValueError: wrong shapes, non-finite numbers, or a period not above 0.

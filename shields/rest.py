@@ -125,7 +125,8 @@ def cruising_periods(is_rise, x1, x2, box):
 def run_up(is_rise, u, x, box):
     """For how many periods an upward or cruising input stays the same, or fewer."""
     if u >= box.u_max * (1.0 - SAME):
-        return climbing_periods(is_rise, x[0], x[1], box)
+        back_in = np.floor((box.lower[0] - x[0]) / (box.u_max * box.period))
+        return max(climbing_periods(is_rise, x[0], x[1], box), back_in)
     if abs(u) <= SAME * box.u_max and x[0] >= box.upper[0] * (1.0 - SAME):
         return cruising_periods(is_rise, x[0], x[1], box)
     return 0.0

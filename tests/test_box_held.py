@@ -80,6 +80,22 @@ def test_policies_come_to_rest_and_skipping_periods_changes_nothing(policy, peri
             assert np.array(skipped) == pytest.approx(np.array(extremes), abs=1e-9)
 
 
+def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
+    rng = np.random.default_rng(10)
+    for k in range(1000):
+        units = np.exp(rng.uniform(-5.0, 5.0)) / np.exp(rng.uniform(-3.0, 3.0)) ** np.array(
+            [2.0, 1.0, 0.0, 3.0]
+        )
+        bounds = np.exp(rng.uniform(-2.0, 2.0, size=(2, 4))) * units
+        time = (units[2] / units[3]) ** (1.0 / 3.0)
+        lower, upper = tuple((-bounds[0, :3]).tolist()), tuple(bounds[1, :3].tolist())
+        limits = Box((-inf, *lower[1:]) if k % 3 == 0 else lower, upper, *(bounds[:, 3] * [-1.0, 1.0]), 0.0)
+        limits = limits._replace(period=time * np.exp(rng.uniform(-11.0, 1.0)))
+        x = tuple((2.0 * rng.normal(size=3) * units[:3]).tolist())
+        for policy in (STOP, RISE, FALL):
+            assert np.isfinite(extremes_to_rest(3, policy, x, (x, x), limits)).all()
+
+
 @pytest.mark.parametrize("policy", [STOP, RISE, FALL])
 def test_policies_are_continuous(policy):
     rng, limits = np.random.default_rng(3), kernel_box(GEOFENCE, 0.05)
