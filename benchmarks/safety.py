@@ -2,7 +2,7 @@
 
     python benchmarks/safety.py                  the whole campaign, into docs/data/safety.csv
     python benchmarks/safety.py --table          write the tables of docs/safety.md from it
-    python benchmarks/safety.py --short --out /tmp/short.csv
+    python benchmarks/safety.py --short --out short.csv
 
 Every job has a key and appends one row per arm when it is done; jobs whose key is there already are skipped,
 so the campaign can be cut off and taken up again. For other random numbers give another ``--seed``.
