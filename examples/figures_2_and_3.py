@@ -1,0 +1,366 @@
+"""Figures 2 and 3 of the paper: the control-invariant sets of boxes of order 1, 2 and 3.
+
+    python examples/figures_2_and_3.py [folder]
+
+Writes figure_2.png and figure_3.png, into docs/figures if no folder is given. All bounds are ±1, and the
+inputs lie in [-1, 1]; in the right box of Fig. 3 the upper bound on x_1 is 0.2.
+"""
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import FancyArrowPatch, Patch
+from numpy.typing import NDArray
+
+from shields.capped import capped3, least_corner_x2
+from shields.composite import BoxSet
+from shields.corners import Bounds
+from shields.integrator import lower3
+
+matplotlib.use("Agg")
+
+Array = NDArray[np.float64]
+
+PINK, PURPLE, RED, GREEN = "#e8839f", "#7d68b5", "#d1495b", "#43a57b"
+PALE = "#f7a8b4"
+INK, FAINT = "#30343b", "#a7abb3"
+STYLE: Any = {
+    "font.size": 13,
+    "mathtext.fontset": "cm",
+}
+
+UNIT = BoxSet([-1.0] * 3, [1.0] * 3, -1.0, 1.0)
+FLAT = BoxSet([-1.0] * 3, [0.2, 1.0, 1.0], -1.0, 1.0)
+
+# Orthographic view: x_1 to the right, x_2 into the page, x_3 up; from the front, the right and above.
+AZIMUTH, ELEVATION = np.radians(28.0), np.radians(20.0)
+RIGHT = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0])
+TO_VIEWER = np.array(
+    [
+        np.sin(AZIMUTH) * np.cos(ELEVATION),
+        -np.cos(AZIMUTH) * np.cos(ELEVATION),
+        np.sin(ELEVATION),
+    ]
+)
+UP = np.cross(TO_VIEWER, RIGHT)
+LIGHT = np.array([0.55, -0.6, 0.58])
+COUNT = 180  # cells of a patch along x_1, and half as many across
+
+
+class Sheet(NamedTuple):
+    """A piece of surface as a grid of points (rows, columns, 3), and its colour."""
+
+    points: Array
+    color: str
+
+
+def main(folder: Path) -> None:
+    """Write both figures."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with plt.rc_context(STYLE):
+        for name, draw in (("figure_2", figure_2), ("figure_3", figure_3)):
+            figure = draw()
+            figure.savefig(folder / f"{name}.png", dpi=130)
+            plt.close(figure)
+
+
+def figure_2():
+    """The sets (24) of order 1, an interval, and of order 2."""
+    figure, (line, plane) = plt.subplots(1, 2, figsize=(10.0, 3.9), width_ratios=[3.4, 3.4])
+    figure.subplots_adjust(0.01, 0.0, 0.99, 1.0, 0.0)
+    draw_interval(line)
+    draw_plane(plane)
+    for ax in (line, plane):
+        ax.set_aspect("equal")
+        ax.set_axis_off()
+    return figure
+
+
+def draw_interval(ax) -> None:
+    """n = 1: x_1 between its bounds, each of them the zero-level set of one function."""
+    ax.add_patch(
+        FancyArrowPatch((-1.5, 0.0), (1.6, 0.0), arrowstyle="-|>", mutation_scale=14, color=FAINT, lw=1.0)
+    )
+    ax.plot([-1.0, 1.0], [0.0, 0.0], color=PINK, lw=10.0, alpha=0.4, solid_capstyle="butt")
+    ax.plot([-1.0, 1.0], [0.0, 0.0], "o", color=PINK, ms=12)
+    for x, name in ((-1.0, "underline"), (1.0, "overline")):
+        ax.text(x, -0.16, rf"$\{name}{{x}}_1$", ha="center", va="top", fontsize=17, color=INK)
+        ax.text(x, 0.17, rf"$\{name}{{g}}_1 = 0$", ha="center", fontsize=16, color=PINK)
+    ax.text(0.0, 0.17, "$C$", ha="center", fontsize=18, color=INK)
+    ax.text(1.66, 0.0, "$x_1$", va="center", fontsize=17, color=INK)
+    ax.text(0.0, -1.25, "$n = 1$", ha="center", va="center", fontsize=16, color=INK)
+    ax.set(xlim=(-1.65, 1.95), ylim=(-1.4, 1.2))
+
+
+def draw_plane(ax) -> None:
+    """n = 2: bounded by x_1 = ±1 and by the parabolas along which one input alone keeps x_2."""
+    x1 = np.linspace(-1.0, 0.0, 100)
+    floor = np.stack([np.append(x1, 1.0), np.append(0.5 * x1**2 - 1.0, -1.0)])
+    ax.plot([-1, 1, 1, -1, -1], [-1, -1, 1, 1, -1], "--", color=FAINT, lw=1.0)
+    ax.fill(*np.concatenate([floor, -floor], axis=1), color=PURPLE, alpha=0.12, lw=0)
+    for side in (1.0, -1.0):
+        ax.plot(*(side * np.array([[-1.0, -1.0], [-0.5, 1.0]])), color=PINK, lw=3.5)
+        ax.plot(*(side * floor), color=PURPLE, lw=3.5)
+        tail, tip = (side * floor[:, 40]).tolist(), (side * floor[:, 58]).tolist()
+        ax.add_patch(
+            FancyArrowPatch(tail, tip, arrowstyle="-|>", mutation_scale=24, color=PURPLE, lw=0, zorder=4)
+        )
+        ax.plot(side, -side, "o", color=INK, ms=8, zorder=5)
+    label_plane(ax)
+    ax.set(xlim=(-1.8, 1.8), ylim=(-1.4, 1.2))
+
+
+def label_plane(ax) -> None:
+    """Names of the curves, the bounds, the inputs that are asked for and the two corners."""
+    named = {
+        (-0.94, 0.3, "left"): (r"\underline{g}_1 = 0", PINK),
+        (0.94, -0.3, "right"): (r"\overline{g}_1 = 0", PINK),
+        (0.4, -0.88, "center"): (r"\underline{g}_2 = 0", PURPLE),
+        (-0.4, 0.88, "center"): (r"\overline{g}_2 = 0", PURPLE),
+        (-0.36, -0.74, "left"): (r"u = \overline{u}", PURPLE),
+        (0.36, 0.76, "right"): (r"u = \underline{u}", PURPLE),
+        (1.08, -0.86, "left"): ("u = 0", INK),
+        (-1.08, 0.86, "right"): ("u = 0", INK),
+        (0.0, 0.0, "center"): ("C", INK),
+        (-1.0, -1.15, "center"): (r"\underline{x}_1", INK),
+        (1.0, -1.15, "center"): (r"\overline{x}_1", INK),
+        (-1.09, -1.0, "right"): (r"\underline{x}_2", INK),
+        (1.09, 1.0, "left"): (r"\overline{x}_2", INK),
+        (0.0, -1.25, "center"): ("n = 2", INK),
+    }
+    for (x, y, side), (text, color) in named.items():
+        ax.text(x, y, f"${text}$", ha=side, va="center", fontsize=16, color=color)
+
+
+def figure_3():
+    """The set (28) in both boxes of the paper, seen from the same side."""
+    figure, panels = plt.subplots(1, 2, figsize=(11.0, 5.6), width_ratios=[1.25, 1.0])
+    figure.subplots_adjust(0.005, 0.09, 0.995, 1.0, 0.0)
+    for ax, box in zip(panels, (UNIT, FLAT), strict=True):
+        draw_box(ax, box)
+    figure.legend(handles=list(legend_entries()), loc="lower center", ncol=6, frameon=False, handlelength=1.3)
+    return figure
+
+
+def legend_entries() -> Iterator[Patch | Line2D]:
+    for color, name in (
+        (PINK, r"$\underline{g}_1,\ \overline{g}_1$"),
+        (PURPLE, r"$\underline{g}_2,\ \overline{g}_2$"),
+        (RED, r"$\underline{g}_3,\ \overline{g}_3$"),
+        (GREEN, r"$\underline{g}_3^b,\ \overline{g}_3^b$"),
+    ):
+        yield Patch(color=color, label=name)
+    yield Patch(
+        facecolor="#f9d5da", edgecolor=RED, label=r"$\underline{g}_3$ where $\underline{g}_3^b$ lies inside"
+    )
+    yield Line2D([], [], color=INK, lw=3.5, label="touching edges")
+
+
+def draw_box(ax, box: BoxSet) -> None:
+    """One box: its edges, the set in it, g_3 where g_3^b lies inside, and the edges that the set touches."""
+    far = np.array([box.bounds.lower[0], box.bounds.upper[1], box.bounds.lower[2]])
+    for edge in box_edges(box.bounds):
+        is_hidden = (edge == far).all(axis=1).any()
+        ax.plot(
+            *projected(edge).T, color=FAINT, lw=1.0, ls=":" if is_hidden else "-", zorder=0 if is_hidden else 6
+        )
+    for sheet in both_sides(body_sheets, box.bounds):
+        draw_sheet(ax, sheet, 1.0)
+    for sheet in both_sides(uncapped_sheets, box.bounds):
+        draw_sheet(ax, sheet, 0.42)
+    for edge in touching_edges(box):
+        is_hidden = (edge[0, [0, 2]] == far[[0, 2]]).all()
+        ax.plot(*projected(edge).T, color=INK, lw=3.0, ls=(0, (1.6, 1.1)) if is_hidden else "-", zorder=7)
+    label_axes(ax, box.bounds)
+    ax.set_aspect("equal")
+    ax.set_axis_off()
+
+
+def projected(points: Array) -> Array:
+    """Points (…, 3) as seen by the viewer, (…, 2)."""
+    return np.stack([points @ RIGHT, points @ UP], axis=-1)
+
+
+def box_edges(bounds: Bounds) -> Iterator[Array]:
+    """The twelve edges of the box, (2, 3) each."""
+    for axis in range(3):
+        for sides in range(4):
+            ends = np.empty((2, 3))
+            ends[:, axis] = bounds.lower[axis], bounds.upper[axis]
+            for k, other in enumerate(i for i in range(3) if i != axis):
+                ends[:, other] = (bounds.lower, bounds.upper)[(sides >> k) & 1][other]
+            yield ends
+
+
+def touching_edges(box: BoxSet) -> Iterator[Array]:
+    """The parts of the edges along x_2 that belong to the set: Theorem 1 asks for all four."""
+    lower, upper = box.bounds.lower, box.bounds.upper
+    x2 = np.linspace(lower[1], upper[1], 4001)
+    for x1 in (lower[0], upper[0]):
+        for x3 in (lower[2], upper[2]):
+            line = np.stack([np.full_like(x2, x1), x2, np.full_like(x2, x3)], axis=1)
+            yield line[box.contains(line)][[0, -1]]
+
+
+def both_sides(sheets: Callable[[Bounds], Iterator[Sheet]], bounds: Bounds) -> Iterator[Sheet]:
+    """The sheets of the lower functions, and those of the upper ones as the mirror image."""
+    yield from sheets(bounds)
+    yield from (Sheet(-sheet.points, sheet.color) for sheet in sheets(bounds.mirrored()))
+
+
+def body_sheets(bounds: Bounds) -> Iterator[Sheet]:
+    """Zero-level sets of the lower functions of (28) on the boundary of the set."""
+    x1 = np.linspace(bounds.lower[0], bounds.upper[0], COUNT + 1)
+    first, last = np.array([x2_range(bounds, x) for x in x1]).T
+    capped = np.clip(-0.5 * (bounds.upper[0] ** 2 - x1**2) / bounds.u_max, first, last)
+    leaves = np.clip(leaving_x2(bounds, x1), capped, last)
+    for start, end, color in ((first, capped, GREEN), (capped, leaves, RED), (leaves, last, RED)):
+        yield Sheet(over(x1, start, end, lambda a, b: least_x3(bounds, a, b)), color)
+    bottom = over(x1, first, first, lambda a, b: least_x3(bounds, a, b))[:, :1]
+    top = over(x1, first, first, lambda a, b: greatest_x3(bounds, a, b))[:, :1]
+    yield Sheet(ruled(bottom, top), PURPLE)
+    edge = np.linspace(first[0], last[0], COUNT + 1)
+    bottom = np.array([[[x1[0], x2, least_x3(bounds, x1[0], x2)]] for x2 in edge])
+    top = np.array([[[x1[0], x2, greatest_x3(bounds, x1[0], x2)]] for x2 in edge])
+    yield Sheet(ruled(bottom, top), PINK)
+
+
+def uncapped_sheets(bounds: Bounds) -> Iterator[Sheet]:
+    """The zero-level set of g_3 where that of g_3^b lies inside it, within the box."""
+    x1 = np.linspace(bounds.lower[0], bounds.upper[0], COUNT + 1)
+    end = np.minimum(-0.5 * (bounds.upper[0] ** 2 - x1**2) / bounds.u_max, leaving_x2(bounds, x1))
+    start = np.array(
+        [bisected(lambda x2, x=x: uncapped_x3(bounds, x, x2) <= bounds.upper[2], -9.0, 0.0) for x in x1]
+    )
+    start = np.maximum(start, bounds.lower[1] + 0.5 * np.minimum(x1, 0.0) ** 2 / bounds.u_max)
+    inside = end > start
+    if bounds.upper[0] < 0.5:  # beside a bound as wide as this the two can hardly be told apart
+        yield Sheet(over(x1[inside], start[inside], end[inside], lambda a, b: uncapped_x3(bounds, a, b)), PALE)
+
+
+def leaving_x2(bounds: Bounds, x1: Array) -> Array:
+    """The x_2 from which x_3 rises from its lower bound and never comes back below it."""
+    x1_max = float(bounds.upper[0])
+    return np.array([least_corner_x2(min(x, 0.0), x1_max, -np.inf, bounds.u_max) for x in x1.tolist()])
+
+
+def least_x3(bounds: Bounds, x1: float, x2: float) -> float:
+    """Where g_3^b = 0."""
+    return -capped3(x1, x2, 0.0, bounds.u_max, bounds.upper[0], bounds.lower[2])[0]
+
+
+def greatest_x3(bounds: Bounds, x1: float, x2: float) -> float:
+    """Where its mirror image is 0."""
+    return -least_x3(bounds.mirrored(), -x1, -x2)
+
+
+def uncapped_x3(bounds: Bounds, x1: float, x2: float) -> float:
+    """Where g_3 = 0."""
+    return -lower3(x1, x2, 0.0, bounds.u_max, bounds.lower[2])[0]
+
+
+def x2_range(bounds: Bounds, x1: float) -> tuple[float, float]:
+    """Least and greatest x_2 of the set at a given x_1."""
+    low = bounds.lower[1] + 0.5 * min(x1, 0.0) ** 2 / bounds.u_max
+    high = bounds.upper[1] + 0.5 * max(x1, 0.0) ** 2 / bounds.u_min
+
+    def has_room(x2: float) -> bool:
+        return least_x3(bounds, x1, x2) <= greatest_x3(bounds, x1, x2)
+
+    return bisected(has_room, low, 0.0), -bisected(lambda x2: has_room(-x2), -high, 0.0)
+
+
+def bisected(holds: Callable[[float], bool], outside: float, inside: float) -> float:
+    """Up to where a condition holds from ``inside`` on; at most to ``outside``."""
+    if holds(outside):
+        return outside
+    for _ in range(50):
+        middle = 0.5 * (outside + inside)
+        outside, inside = (outside, middle) if holds(middle) else (middle, inside)
+    return inside
+
+
+def over(x1: Array, start: Array, end: Array, x3: Callable[[float, float], float]) -> Array:
+    """Points of a surface x_3(x_1, x_2) over the strip between two curves."""
+    share = np.linspace(0.0, 1.0, COUNT // 2 + 1)
+    x2 = start[:, None] + share * (end - start)[:, None]
+    rows = [[(a, b, x3(a, b)) for b in row] for a, row in zip(x1.tolist(), x2.tolist(), strict=True)]
+    return np.array(rows)
+
+
+def ruled(bottom: Array, top: Array) -> Array:
+    """The wall between two curves (rows, 1, 3)."""
+    share = np.linspace(0.0, 1.0, COUNT // 2 + 1)[None, :, None]
+    return bottom + share * (top - bottom)
+
+
+def draw_sheet(ax, sheet: Sheet, alpha: float) -> None:
+    """The cells of a sheet that face the viewer: of a convex body these are all that can be seen."""
+    p = sheet.points
+    cells = np.stack([p[:-1, :-1], p[1:, :-1], p[1:, 1:], p[:-1, 1:]], axis=2)
+    normal = np.cross(cells[..., 2, :] - cells[..., 0, :], cells[..., 3, :] - cells[..., 1, :])
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    normal = (
+        normal / np.maximum(length, 1e-300) * np.sign(np.sum(normal * cells.mean(axis=2), axis=-1))[..., None]
+    )
+    seen = (normal @ TO_VIEWER > 1e-3) & (length[..., 0] > 1e-9)
+    if not seen.any():
+        return
+    facing = np.maximum(normal[seen] @ LIGHT, 0.0)[:, None]
+    color = np.array(to_rgb(sheet.color)) * (0.68 + 0.32 * facing) + 0.12 * facing**6
+    polygons = list(projected(cells[seen]))
+    is_solid = alpha == 1.0
+    rgba = np.concatenate([np.clip(color, 0.0, 1.0), np.full((len(color), 1), alpha)], axis=1)
+    edges = rgba if is_solid else "none"
+    cells = PolyCollection(polygons, facecolors=rgba, edgecolors=edges, lw=1.0, zorder=2 if is_solid else 4)
+    ax.add_collection(cells)
+    draw_border(ax, p, seen, "white" if is_solid else RED)
+
+
+def draw_border(ax, points: Array, seen: NDArray[np.bool_], color: str) -> None:
+    """The outline of the part of a sheet that is seen."""
+    for line, visible in (
+        (points[0], seen[0]),
+        (points[-1], seen[-1]),
+        (points[:, 0], seen[:, 0]),
+        (points[:, -1], seen[:, -1]),
+    ):
+        start, end = line[:-1][visible], line[1:][visible]
+        if len(start):
+            pieces = list(projected(np.stack([start, end], axis=1)))
+            ax.add_collection(LineCollection(pieces, colors=color, lw=0.9, zorder=5, capstyle="round"))
+
+
+def label_axes(ax, bounds: Bounds) -> None:
+    """Names and bounds of x_1, x_2 and x_3 along three edges of the box."""
+    lower, upper = bounds.lower, bounds.upper
+    edges = (
+        (0, np.array([0.0, lower[1], lower[2]]), np.array([-0.02, -0.11])),
+        (1, np.array([upper[0], 0.0, lower[2]]), np.array([0.12, -0.03])),
+        (2, np.array([lower[0], lower[1], 0.0]), np.array([-0.09, 0.03])),
+    )
+    for axis, point, offset in edges:
+        middle = 0.5 * (lower[axis] + upper[axis])
+        for value, name in ((lower[axis], f"{lower[axis]:g}"), (middle, ""), (upper[axis], f"{upper[axis]:g}")):
+            at = projected(np.where(np.arange(3) == axis, value, point)) + offset * (1.0 if name else 1.7)
+            size = 14 if name else 19
+            ax.text(
+                *at,
+                name.replace("-", "−") or f"$x_{axis + 1}$",
+                ha="center",
+                va="center",
+                fontsize=size,
+                color=INK,
+            )
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1] / "docs" / "figures")
