@@ -13,9 +13,8 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 def figures():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(EXAMPLES)
-        module = importlib.import_module("figures_2_and_3")
-        patch.setattr(module, "COUNT", 24)
-        yield module
+        patch.setattr(importlib.import_module("box_surfaces"), "COUNT", 24)
+        yield importlib.import_module("figures_2_and_3")
 
 
 @pytest.fixture(params=["UNIT", "FLAT"])
