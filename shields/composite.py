@@ -48,7 +48,9 @@ def lower_set_row(x, lower, u_max, work):
         rounding = ROUNDING * largest_term(x[: i + 1], u_max, t_star, lower[i])
         value, favoured = min(value, g), min(favoured, g + rounding)
         if g <= rounding:
-            least_input = max(least_input, required_input(i + 1, t_star, 0.0, u_max, 0.0))
+            rests = i > 0 and t_star == 0.0 and not x[:i].any()
+            asked = 0.0 if rests else required_input(i + 1, t_star, 0.0, u_max, 0.0)
+            least_input = max(least_input, asked)
     return value, favoured, least_input
 
 
@@ -118,7 +120,8 @@ class LowerSet:
         """Least input by Lemma 2, the largest over the bounds with ``g_i <= 0`` (within rounding), for (…, n).
 
         -inf in the interior and where the boundary asks for nothing; u_max where a bound with t_star > 0 is
-        met; 0 on ``x_1 = lower_1``. Outside, it keeps a violated bound from getting worse.
+        met; 0 on ``x_1 = lower_1``, and at rest on ``x_i = lower_i``, which less would leave.
+        Outside, it keeps a violated bound from getting worse.
         """
         rows, shape = self._evaluated(x)
         return rows[2].reshape(shape)[()]

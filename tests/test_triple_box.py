@@ -305,6 +305,14 @@ def test_lemma2_intervals_of_single_states():
     assert BoxSet([-1.0], [1.0], -2.0, 1.0).input_interval([1.0]) == (-2.0, 0.0)
 
 
+def test_lemma2_at_rest_on_a_bound_an_input_that_leaves_it_is_excluded():
+    assert UNIT.input_interval([0.0, 0.0, -1.0]) == (0.0, 1.0)
+    assert UNIT.input_interval([0.0, 1.0, 0.0]) == (-1.0, 0.0)
+    assert UNIT.input_interval([0.1, 0.0, -1.0]) == (-1.0, 1.0)
+    least, greatest = LowerSet([-math.inf, 0.0, 0.0], 2.0).input_interval([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    assert least.tolist() == [0.0, -math.inf] and greatest.tolist() == [2.0, 2.0]
+
+
 def test_lemma2_an_outer_set_has_states_whose_interval_is_empty():
     least, greatest = TIGHT.input_interval(meeting_state(TIGHT))
     assert least > greatest
