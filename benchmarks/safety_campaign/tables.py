@@ -36,13 +36,13 @@ def total(rows: Iterable[Row], column: str) -> int:
 
 
 def share(count: int, n: int) -> str:
-    """A share in per cent."""
-    return f"{100 * count / n:.3g} %" if count else "0"
+    """A share in per cent; in place of a zero its exact bound."""
+    return f"{100 * count / n:.3g} %" if count else f"0 [≤ {upper_bound(0, n):.1e}]"
 
 
 def rate(count: int, n: int) -> str:
-    """A count, and its share; next to a zero the exact bound."""
-    return f"0 [≤ {upper_bound(0, n):.1e}]" if count == 0 else f"{count:,} ({share(count, n)})"
+    """A count, and its share."""
+    return f"{count:,} ({share(count, n)})" if count else share(count, n)
 
 
 def kind(rows: Iterable[Row], *kinds: str, **columns: str) -> list[Row]:
@@ -158,7 +158,14 @@ def chain(rows: list[Row]) -> str:
         part = kind(rows, f"chain {order}")
         steps = total(part, "steps")
         margin = min(float(row["least_clearance"]) for row in part)
-        body.append([order, f"{steps:,}", rate(total(part, "violated_steps"), steps), f"{margin:.0e}"])
+        body.append(
+            [
+                order,
+                f"{steps:,}",
+                rate(total(part, "violated_steps"), steps),
+                f"{margin:.0e} m" if margin else "0",
+            ]
+        )
     return markdown(["order", "sampled steps", "violated steps", "least margin"], body)
 
 
