@@ -8,6 +8,7 @@ of the mirrored system, -x under -u. Bounds that are absent are infinite.
 """
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -204,6 +205,10 @@ class BoxSet:
 
     def why_not(self) -> str | None:
         """The reason for which the set is not known to be maximal, naming the corner; None where it is."""
+        return self._reason
+
+    @cached_property
+    def _reason(self) -> str | None:
         return why_not_maximal(self.bounds, self.contains)
 
     def _evaluated(self, x: ArrayLike) -> tuple[tuple[Array, Array], tuple[int, ...]]:
