@@ -13,8 +13,9 @@ from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import add, dot, norm, scale, subtract
 from shields.radial import vector
 
-# An arc is tested in one piece, then in 2, 4, … pieces down to this length, s: the hull of the control
-# points is then within a millimetre of the path.
+# An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
+# hull of the control points is then within a millimetre of the path.
+MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
 
 
@@ -153,7 +154,7 @@ def arc_is_clear(x, snap, start, duration, spheres, floor):
     pieces = 1
     while not pieces_are_clear(x, snap, start, duration / pieces, pieces, spheres, floor):
         pieces *= 2
-        if duration / pieces < SHORTEST_PIECE:
+        if duration / pieces < SHORTEST_PIECE or pieces > MOST_PIECES:
             return False
     return True
 

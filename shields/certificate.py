@@ -7,7 +7,8 @@ demand opposite things. So a snap is accepted only together with a proof that th
 
 brings the vehicle to rest, exactly, in the frame that moves with w. Every arc of it is checked
 (``shields.arcs``), and after the last one a ray test keeps the spheres that move at constant velocity away
-from the resting vehicle for ever. The stop ends in exact rest and is held there by feedback.
+from the resting vehicle for ever. The stop ends in exact rest and is held there by feedback. Before a stored
+stop is flown, what is left of it is checked again, against the spheres and the vehicle as they are by then.
 """
 
 from typing import NamedTuple
@@ -18,6 +19,7 @@ from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import (
     Flat,
+    Spheres,
     ThrustFloor,
     arc_is_clear,
     combined,
@@ -35,7 +37,8 @@ LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
 NOTHING = (0.0, 0.0, 0.0)
-ACCEPTED, BLENDED, STOPPED, UNCERTIFIED = range(4)
+NO_FLOOR = -1e300
+ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
 
 class StopLimits(NamedTuple):
@@ -45,12 +48,19 @@ class StopLimits(NamedTuple):
     floor: ThrustFloor
 
 
-# The stored stop of one vehicle.
+class Distances(NamedTuple):
+    """The spheres of one world at three distances: for a new stop, for the stored one, and bare."""
+
+    ahead: Spheres
+    stored: Spheres
+    bare: Spheres
+
+
+# The stored stop of one vehicle; ``begin`` is the start of the segment that is flown.
 PLAN = np.dtype(
     [
         ("is_stored", "?"),
-        ("is_certified", "?"),
-        ("reference", "f8", (4, 3)),
+        ("begin", "f8", (4, 3)),
         ("snap", "f8", (3,)),
         ("frame", "f8", (3,)),
         ("periods", "i8"),
@@ -73,7 +83,7 @@ def stop_is_clear(x, start, frame, h, spheres, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
     for segment in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
-        if norm(snap) > limits.snap_max:
+        if not norm(snap) <= limits.snap_max:
             return False
         if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.floor):
             return False
@@ -102,45 +112,85 @@ def clear_length(x, start, frame, first, period, spheres, limits):
 @kernel
 def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
-    plan["is_stored"] = plan["is_certified"] = True
+    plan["is_stored"] = True
     plan["choice"] = choice
     plan["periods"] = periods_of(choice, period)
     plan["segments_left"] = SEGMENTS
-    write_flat(plan["reference"], x)
     write3(plan["frame"], frame)
-    begin_segment(plan, period)
+    begin_segment(plan, x, period)
 
 
 @kernel
-def begin_segment(plan, period):
-    """Start the next segment of the stored stop; after the last one the vehicle is at rest in the frame."""
-    x, frame = flat_of(plan["reference"]), vector(plan["frame"])
-    plan["periods_left"] = plan["periods"]
+def begin_segment(plan, x, period):
+    """Start the next segment of the stored stop at x; after the last one the vehicle rests in the frame."""
+    frame = vector(plan["frame"])
     if plan["segments_left"] > 0:
+        write_flat(plan["begin"], x)
         write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
     else:
+        plan["periods"] = 1
+        write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
         write3(plan["snap"], NOTHING)
-        write_flat(plan["reference"], Flat(x.r, frame, NOTHING, NOTHING))
+    plan["periods_left"] = plan["periods"]
+
+
+@inline_kernel
+def elapsed(plan, period):
+    """For how long the present segment has been flown."""
+    return (plan["periods"] - plan["periods_left"]) * period
+
+
+@kernel
+def reference(plan, period):
+    """Where the stored stop has the vehicle now."""
+    return flown(flat_of(plan["begin"]), vector(plan["snap"]), elapsed(plan, period))
 
 
 @kernel
 def advance_stop(plan, period):
     """Move the stored stop on by one period."""
-    write_flat(plan["reference"], flown(flat_of(plan["reference"]), vector(plan["snap"]), period))
     plan["periods_left"] -= 1
     if plan["periods_left"] == 0:
+        x = reference(plan, period)
         plan["segments_left"] = max(0, plan["segments_left"] - 1)
-        begin_segment(plan, period)
+        begin_segment(plan, x, period)
 
 
 @kernel
-def tracking_snap(plan, x, gains):
-    """The stored stop's snap, with feedback on the deviation from its reference."""
-    ref = flat_of(plan["reference"])
-    u = combined(vector(plan["snap"]), gains[0], subtract(ref.r, x.r))
-    u = combined(u, gains[1], subtract(ref.v, x.v))
+def feedback(plan, x, period, gains):
+    """Snap that brings the vehicle back onto the stored stop."""
+    ref = reference(plan, period)
+    u = combined(scale(gains[0], subtract(ref.r, x.r)), gains[1], subtract(ref.v, x.v))
     u = combined(u, gains[2], subtract(ref.a, x.a))
     return combined(u, gains[3], subtract(ref.j, x.j))
+
+
+@kernel
+def stored_stop_is_clear(plan, period, spheres):
+    """Whether the stored stop, from the start of its present segment, keeps clear of the spheres of now."""
+    x, frame = flat_of(plan["begin"]), vector(plan["frame"])
+    start, h = -elapsed(plan, period), plan["periods"] * period
+    for _ in range(plan["segments_left"]):
+        snap = dead_beat_snap(x, frame, h)
+        if not arc_is_clear(x, snap, start, h, spheres, ThrustFloor(NO_FLOOR, 0.0)):
+            return False
+        x, start = flown(x, snap, h), start + h
+    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres)
+
+
+@kernel
+def standing(plan, x, period, around, limits, gains):
+    """What the stored stop is worth: STOPPED, ASTRAY if the vehicle is too far off it, else UNCERTIFIED.
+
+    Too far to be clear is not yet too far to come back; one that feedback cannot bring back has lost it.
+    """
+    if not plan["is_stored"]:
+        return UNCERTIFIED
+    if not norm(feedback(plan, x, period, gains)) <= limits.snap_max:
+        return UNCERTIFIED
+    if stored_stop_is_clear(plan, period, around.stored):
+        return STOPPED
+    return ASTRAY if stored_stop_is_clear(plan, period, around.bare) else UNCERTIFIED
 
 
 @kernel
@@ -168,22 +218,25 @@ def accept(plan, x, snap, period, spheres, limits):
 
 
 @kernel
-def certified_snap(plan, x, wanted, is_wanted, period, spheres, limits, gains):
+def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
     """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
 
-    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, or UNCERTIFIED: then it is the stored stop that
-    the vehicle strayed from, if there is one.
+    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, ASTRAY when the vehicle is too far off the
+    stored stop to rely on it and has no other, or UNCERTIFIED when there is no stop at all.
     """
-    if is_wanted and accept(plan, x, wanted, period, spheres, limits):
+    if is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
         return wanted, ACCEPTED
-    is_certified = plan["is_certified"] or adopt_stop(plan, x, 0.0, period, spheres, limits)
-    if not plan["is_stored"]:
+    kind = standing(plan, x, period, around, limits, gains)
+    if kind != STOPPED and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
+        kind = STOPPED
+    if kind == UNCERTIFIED:
+        plan["is_stored"] = False
         return NOTHING, UNCERTIFIED
-    stop = tracking_snap(plan, x, gains)
-    if is_wanted and is_certified:
+    stop = combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains))
+    if is_wanted:
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))
-            if accept(plan, x, blend, period, spheres, limits):
+            if accept(plan, x, blend, period, around.ahead, limits):
                 return blend, BLENDED
     advance_stop(plan, period)
-    return stop, STOPPED if is_certified else UNCERTIFIED
+    return stop, kind
