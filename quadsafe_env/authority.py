@@ -41,10 +41,8 @@ a time of about 2|r̈|/j̄ + j̄/ū.
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from quadsafe_core.checks import finite_array, non_negative_number, positive_number
+from quadsafe_core.authority import Authority
+from quadsafe_core.checks import non_negative_number, positive_number
 from quadsafe_core.jit import kernel
 from quadsafe_env.actions import YAW_RATE, YAW_RATE_POLE
 from quadsafe_env.params import QuadrotorParams, params_from
@@ -66,50 +64,6 @@ class YawRange(NamedTuple):
 
     rate: float
     acceleration: float
-
-
-class VehicleAuthority(NamedTuple):
-    """What a vehicle can always give: within these numbers, and the yaw range, no rotor leaves its range.
-
-    | field      | unit | meaning                                              |
-    |------------|------|------------------------------------------------------|
-    | snap_max   | m/s⁴ | bound of ‖r⁗‖                                        |
-    | jerk_max   | m/s³ | bound of ‖r⃛‖                                        |
-    | thrust_min | m/s² | lower end of the band of specific thrust ‖r̈ + g e3‖ |
-    | thrust_max | m/s² | upper end of that band                               |
-    | gravity    | m/s² | g                                                    |
-    """
-
-    snap_max: float
-    jerk_max: float
-    thrust_min: float
-    thrust_max: float
-    gravity: float
-
-    def acceleration_along(self, direction: ArrayLike) -> NDArray[np.float64]:
-        """Greatest λ for which the accelerations from 0 to λ n keep the specific thrust in the band.
-
-        With ``‖λ n + g e3‖² = λ² + 2 λ g n_z + g²`` it is the first positive root at an end of the band.
-
-        Args:
-            direction: (…, 3), not zero; n is it over its length.
-
-        Returns:
-            λ, (…), m/s².
-
-        Raises:
-            ValueError: for a wrong shape, non-finite numbers or a direction without length.
-        """
-        d = finite_array("direction", direction, (3,))
-        length = np.linalg.norm(d, axis=-1)
-        if not (length > 0.0).all():
-            raise ValueError("direction must be longer than 0, got a vector of zeros")
-        upward = self.gravity * d[..., 2] / length
-        upper = np.sqrt(upward**2 + self.thrust_max**2 - self.gravity**2) - upward
-        inside = upward**2 + self.thrust_min**2 - self.gravity**2
-        # Only downwards, within a cone, does the thrust fall to the lower end at all.
-        falls = (upward < 0.0) & (inside >= 0.0)
-        return np.where(falls, -upward - np.sqrt(np.maximum(inside, 0.0)), upper)
 
 
 @kernel
@@ -171,7 +125,7 @@ def steering_thrust(
 
 def authority(
     params: "QuadrotorParams | str", share: float = SHARE, body_rate_max: float = BODY_RATE
-) -> VehicleAuthority:
+) -> Authority:
     """Bounds of snap, jerk and specific thrust within which no rotor leaves its range.
 
     Sufficient together with the bounds ``yaw_range(params)`` on the yaw motion, at every instant and attitude;
@@ -199,7 +153,7 @@ def authority(
         raise ValueError(f"share must leave thrust to steer with beside yaw, got {share!r}, {free:g} N short")
     jerk = low * min(positive_number("body_rate_max", body_rate_max), _turn_rate(TURN_SHARE * free, yaw, p))
     snap = low * (kept - steering_thrust(low, 0.0, jerk, yaw, p)) / _inertia_terms(p)[0]
-    return VehicleAuthority(snap, jerk, low, _highest_thrust(snap, jerk, yaw, p), p.gravity)
+    return Authority(snap, jerk, low, _highest_thrust(snap, jerk, yaw, p), p.gravity)
 
 
 def _inertia_terms(p: QuadrotorParams) -> tuple[float, float, float]:

@@ -11,9 +11,10 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.authority import Authority
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.actions import action_interface
-from quadsafe_env.authority import VehicleAuthority, any_yaw, authority, limit_yaw_batch, yaw_range
+from quadsafe_env.authority import any_yaw, authority, limit_yaw_batch, yaw_range
 from quadsafe_env.episode import (
     RECORD,
     advance_batch,
@@ -256,7 +257,7 @@ class PlantAccess:
         """The vehicle."""
         return self._world.params
 
-    def authority(self) -> VehicleAuthority:
+    def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
         return authority(self.params)
 

@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from quadsafe_core.authority import Authority
 from shields.filtered import Filtered
 from shields.shield import Shield
 from shields.wrapper import ShieldWrapper, VectorShieldWrapper
@@ -34,6 +35,7 @@ _THEORY = {
 }
 
 __all__ = [
+    "Authority",
     "BoxSet",
     "BrakingSet",
     "Filtered",

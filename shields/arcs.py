@@ -2,7 +2,8 @@
 
 An arc is cut into pieces. A piece is clear of a sphere when a plane separates the sphere from the control
 points (Bernstein form) of the piece, whose convex hull contains it: nothing is missed between samples. The
-same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above.
+same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above; below its ceiling it
+is where the control points are.
 """
 
 from typing import NamedTuple
@@ -28,10 +29,11 @@ class Flat(NamedTuple):
     j: tuple
 
 
-class ThrustFloor(NamedTuple):
-    """Least specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
+class ThrustBand(NamedTuple):
+    """Least and greatest specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
 
-    thrust: float
+    least: float
+    most: float
     gravity: float
 
 
@@ -121,21 +123,26 @@ def piece_clears(points, center, drift, radius):
 
 
 @inline_kernel
-def piece_keeps_thrust(points, floor):
-    """Whether a plane separates the specific thrust r̈ + g e3 over the piece from the ball of the floor."""
-    lift = (0.0, 0.0, floor.gravity)
+def piece_keeps_thrust(points, band):
+    """Whether the specific thrust r̈ + g e3 keeps to the band over the piece.
+
+    A plane separates it from the ball of the floor; the ball of the ceiling holds its control points.
+    """
+    lift = (0.0, 0.0, band.gravity)
     b0, b1, b2 = add(points[0], lift), add(points[1], lift), add(points[2], lift)
     length = norm(b1)
-    least = floor.thrust * length
-    return length >= floor.thrust and dot(b1, b0) >= least and dot(b1, b2) >= least
+    least = band.least * length
+    if not (length >= band.least and dot(b1, b0) >= least and dot(b1, b2) >= least):
+        return False
+    return max(dot(b0, b0), dot(b1, b1), dot(b2, b2)) <= band.most * band.most
 
 
 @kernel
-def pieces_are_clear(x, snap, start, d, pieces, spheres, floor):
-    """Whether every piece of length d of the arc keeps clear of the spheres and of the thrust floor."""
+def pieces_are_clear(x, snap, start, d, pieces, spheres, band):
+    """Whether every piece of length d of the arc keeps clear of the spheres and to the thrust band."""
     for piece in range(pieces):
         y = flown(x, snap, piece * d)
-        if not piece_keeps_thrust(acceleration_points(y, snap, d), floor):
+        if not piece_keeps_thrust(acceleration_points(y, snap, d), band):
             return False
         points = position_points(y, snap, d)
         for k in range(spheres.keep_out.shape[0]):
@@ -149,10 +156,10 @@ def pieces_are_clear(x, snap, start, d, pieces, spheres, floor):
 
 
 @kernel
-def arc_is_clear(x, snap, start, duration, spheres, floor):
+def arc_is_clear(x, snap, start, duration, spheres, band):
     """Whether the snap held from ``start`` for ``duration`` keeps clear: whole, or in ever shorter pieces."""
     pieces = 1
-    while not pieces_are_clear(x, snap, start, duration / pieces, pieces, spheres, floor):
+    while not pieces_are_clear(x, snap, start, duration / pieces, pieces, spheres, band):
         pieces *= 2
         if duration / pieces < SHORTEST_PIECE or pieces > MOST_PIECES:
             return False

@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 
 from quadsafe_core.checks import finite_number, positive_number
 from quadsafe_core.jit import kernel
-from shields.braking_arcs import BrakingBounds, braking4, braking_phases
+from shields.braking_arcs import BrakingBounds, braking4, size_of_terms
 from shields.integrator import lower2
-from shields.polynomials import LARGEST
 from shields.rows import Array, checked_input, state_rows
 
 # Below this share of its largest terms a value is rounding, and counts as zero.
@@ -42,17 +41,6 @@ def braking_row(x1, x2, x3, x4, bounds):
         least = 0.0
     favoured = min(g1 + ROUNDING * size1, g2 + ROUNDING * size2, g4 + ROUNDING * size4)
     return min(g1, g2, g4), favoured, max(least, bounds.u_min), greatest
-
-
-@kernel
-def size_of_terms(x1, x2, x3, x4, t, bounds):
-    """Size of the largest term of the sum that makes x_4(t)."""
-    t = min(t, LARGEST)
-    phases = braking_phases(x1, x2, bounds)
-    driven = min(t, phases.T1)
-    moving = min(t, phases.T1 + phases.T2 + phases.T3)
-    fastest = max(abs(x2), (abs(x1) + bounds.u_max * driven) * moving)
-    return min(max(abs(bounds.lower), abs(x4), abs(x3) * t, 0.5 * fastest * t * t), LARGEST)
 
 
 @kernel

@@ -67,6 +67,17 @@ def braking_phases(x1, x2, bounds):
     return Phases(u1, (peak - x1) / u1, held, peak / braking)
 
 
+@kernel
+def size_of_terms(x1, x2, x3, x4, t, bounds):
+    """Size of the largest term of the sum that makes x_4(t)."""
+    t = min(t, LARGEST)
+    phases = braking_phases(x1, x2, bounds)
+    driven = min(t, phases.T1)
+    moving = min(t, phases.T1 + phases.T2 + phases.T3)
+    fastest = max(abs(x2), (abs(x1) + bounds.u_max * driven) * moving)
+    return min(max(abs(bounds.lower), abs(x4), abs(x3) * t, 0.5 * fastest * t * t), LARGEST)
+
+
 @inline_kernel
 def moved(y, u, t):
     """(9): the state (x_1, x_2, x_3, x_4) after a time under a constant input."""

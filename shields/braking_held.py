@@ -17,18 +17,20 @@ feasible for ever. G need not be concave: an input is only returned if it has be
 """
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from quadsafe_core.checks import positive_number
 from quadsafe_core.jit import kernel
-from shields.braking import BrakingSet, size_of_terms
-from shields.braking_arcs import least_of_arc, moved, peak_x1
+from shields.braking_arcs import least_of_arc, moved, peak_x1, size_of_terms
 from shields.dead_beat import braking_shift, clamped, fastest_before
 from shields.held import held_lower
 from shields.rows import state_rows
+
+if TYPE_CHECKING:
+    from shields.braking import BrakingSet
 
 # Down to this share of its largest terms a negative value counts as 0: states drift that far.
 DRIFT = 1e-12
@@ -160,7 +162,7 @@ def braking_held_batch(x, wanted, bounds, period, gamma, u, value, in_set):
         u[i], value[i], in_set[i] = braking_held_input(state, wanted[i], bounds, period, gamma)
 
 
-def sampled_braking_value(limits: BrakingSet, x: ArrayLike, period: float) -> Any:
+def sampled_braking_value(limits: "BrakingSet", x: ArrayLike, period: float) -> Any:
     """V: the least margin of x_4 along the held backup κ; >= 0 in the set that the sampled filter keeps.
 
     At most g_4^b, and short of it by what whole periods cost: it tends to g_4^b with the period.
@@ -182,7 +184,7 @@ def sampled_braking_value(limits: BrakingSet, x: ArrayLike, period: float) -> An
 
 
 def sampled_braking_input(
-    limits: BrakingSet, x: ArrayLike, u_desired: ArrayLike, period: float, alpha: float
+    limits: "BrakingSet", x: ArrayLike, u_desired: ArrayLike, period: float, alpha: float
 ) -> tuple[Any, Any]:
     """The input nearest to u_desired that, held for a period, leaves the three bounds keepable for ever.
 

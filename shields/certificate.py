@@ -6,11 +6,13 @@ demand opposite things. So a snap is accepted only together with a proof that th
     s_0, s_1, s_2 held for h each, dead-beat on (v, a, j):  s = −(v − w)/h³ − 2a/h² − 11j/(6h)
 
 brings the vehicle to rest, exactly, in the frame that moves with w. Every arc of it is checked
-(``shields.arcs``), and after the last one a ray test keeps the spheres that move at constant velocity away
+(``shields.arcs``): the spheres, the thrust band, the jerk at its ends, between which it is linear. After the
+last one a ray test keeps the spheres that move at constant velocity away
 from the resting vehicle for ever. The stop ends in exact rest and is held there by feedback. Before a stored
 stop is flown, what is left of it is checked again, against the spheres and the vehicle as they are by then.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +22,7 @@ from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import (
     Flat,
     Spheres,
-    ThrustFloor,
+    ThrustBand,
     arc_is_clear,
     combined,
     flat_of,
@@ -37,15 +39,20 @@ LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
 NOTHING = (0.0, 0.0, 0.0)
-NO_FLOOR = -1e300
+ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
 ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
 
-class StopLimits(NamedTuple):
-    """What a stop may use: its largest snap, m/s⁴, and the thrust floor."""
+class FlightLimits(NamedTuple):
+    """What a certified flight keeps.
+
+    The largest snap that is flown, and that a stop counts on, m/s⁴; the largest jerk, m/s³; the thrust band.
+    """
 
     snap_max: float
-    floor: ThrustFloor
+    stop_snap_max: float
+    jerk_max: float
+    band: ThrustBand
 
 
 class Distances(NamedTuple):
@@ -71,6 +78,13 @@ PLAN = np.dtype(
 )
 
 
+@inline_kernel
+def within_ball(u, radius):
+    """u, no longer than the radius."""
+    length = norm(u)
+    return u if length <= radius else scale(radius / length, u)
+
+
 @kernel
 def dead_beat_snap(x, frame, h):
     """First snap of the stop: three such, each held for h, end in v = w, a = j = 0."""
@@ -83,11 +97,13 @@ def stop_is_clear(x, start, frame, h, spheres, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
     for segment in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
-        if not norm(snap) <= limits.snap_max:
+        if not norm(snap) <= limits.stop_snap_max:
             return False
-        if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.floor):
+        if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.band):
             return False
         x = flown(x, snap, h)
+        if not norm(x.j) <= limits.jerk_max:
+            return False
     return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, spheres)
 
 
@@ -172,7 +188,7 @@ def stored_stop_is_clear(plan, period, spheres):
     start, h = -elapsed(plan, period), plan["periods"] * period
     for _ in range(plan["segments_left"]):
         snap = dead_beat_snap(x, frame, h)
-        if not arc_is_clear(x, snap, start, h, spheres, ThrustFloor(NO_FLOOR, 0.0)):
+        if not arc_is_clear(x, snap, start, h, spheres, ANY_THRUST):
             return False
         x, start = flown(x, snap, h), start + h
     return rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres)
@@ -186,7 +202,7 @@ def standing(plan, x, period, around, limits, gains):
     """
     if not plan["is_stored"]:
         return UNCERTIFIED
-    if not norm(feedback(plan, x, period, gains)) <= limits.snap_max:
+    if not norm(feedback(plan, x, period, gains)) <= limits.stop_snap_max:
         return UNCERTIFIED
     if stored_stop_is_clear(plan, period, around.stored):
         return STOPPED
@@ -212,9 +228,10 @@ def adopt_stop(plan, x, start, period, spheres, limits):
 @kernel
 def accept(plan, x, snap, period, spheres, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
-    if not arc_is_clear(x, snap, 0.0, period, spheres, limits.floor):
+    if not (norm(snap) <= limits.snap_max and arc_is_clear(x, snap, 0.0, period, spheres, limits.band)):
         return False
-    return adopt_stop(plan, flown(x, snap, period), period, period, spheres, limits)
+    after = flown(x, snap, period)
+    return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, spheres, limits)
 
 
 @kernel
@@ -232,7 +249,7 @@ def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
     if kind == UNCERTIFIED:
         plan["is_stored"] = False
         return NOTHING, UNCERTIFIED
-    stop = combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains))
+    stop = within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), limits.snap_max)
     if is_wanted:
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))

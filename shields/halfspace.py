@@ -9,19 +9,27 @@ Along a fixed unit vector n, y = n·(r − c) is an exact fourth-order integrato
     the direction of closest approach, if the vehicle flew straight on
 
 as the one in the invariant set of which the least correction is needed.
+
+Within an authority, n has no more acceleration than the thrust band leaves along it, and no more jerk than the
+vehicle can turn with: the chain is then kept in the braking set under these bounds (``shields.braking_held``).
 """
 
 import math
 from typing import NamedTuple
 
+from quadsafe_core.authority import Authority, acceleration_along
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import dot, norm, scale
 from shields.arcs import combined
+from shields.braking_arcs import BrakingBounds
+from shields.braking_held import braking_held_input
 from shields.radial import line_of_sight
 from shields.sampled import required
 
 # Beyond this the straight prediction says nothing, s.
 HORIZON = 2.0
+# In place of the −∞ of a state whose backup never comes to rest.
+LEAST = -1e300
 
 
 class Demand(NamedTuple):
@@ -34,12 +42,16 @@ class Demand(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ."""
+    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ, and the authority that bounds jerk and acceleration.
+
+    Without an authority only the snap is bounded, and nothing of the braking set is compiled.
+    """
 
     u_max: float
     gamma: float
     input_max: float
     period: float
+    authority: Authority | None = None
 
 
 @kernel
@@ -47,15 +59,27 @@ def least_input(order, state, wanted, bound, sampling):
     """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
     if bound == -math.inf:
         return wanted, math.inf, True
-    u_max, gamma, input_max, period = sampling
+    u_max, gamma, input_max, period, _ = sampling
     return required(order, state, u_max, bound, period, gamma, wanted, input_max)
+
+
+@kernel
+def least_along(n, state, wanted, distance, sampling, authority):
+    """``least_input`` of the distance along n; under upper bounds on jerk and acceleration if there are any."""
+    if authority is None:
+        return least_input(4, state, wanted, distance, sampling)
+    reach = acceleration_along(n[2], authority)
+    bounds = BrakingBounds(distance, authority.jerk_max, reach, -authority.snap_max, authority.snap_max)
+    u, value, is_admissible = braking_held_input(state, wanted, bounds, sampling.period, sampling.gamma)
+    return max(u, wanted), max(value, LEAST), is_admissible
 
 
 @kernel
 def demand_along(n, x, wanted, distance, sampling):
     """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
     y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
-    least, value, is_admissible = least_input(4, y, dot(n, wanted), distance, sampling)
+    wish = dot(n, wanted)
+    least, value, is_admissible = least_along(n, y, wish, distance, sampling, sampling.authority)
     return Demand(n, least, value, is_admissible)
 
 

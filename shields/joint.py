@@ -1,7 +1,8 @@
 """The sampled shield of one vehicle among K spheres: half-spaces, projection, certificate.
 
 Once per period every sphere asks for a half-space of snaps; the desired snap is projected onto all of them;
-the result is flown if a stop after it is certified, and the stored stop otherwise.
+the result is flown if a stop after it is certified, and the stored stop otherwise. Within an authority the
+limits of jerk and thrust ask for half-spaces too, and no snap is longer than the authority's.
 """
 
 import math
@@ -11,25 +12,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.authority import checked_authority
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_core.vec3 import norm, scale, subtract
-from shields.arcs import Flat, Spheres, ThrustFloor, combined, flat_of, write3
+from quadsafe_core.vec3 import dot, norm, scale, subtract
+from shields.arcs import Flat, Spheres, ThrustBand, combined, flat_of, write3
 from shields.certificate import (
     ACCEPTED,
     ASTRAY,
+    NOTHING,
     PLAN,
     STOPPED,
     UNCERTIFIED,
     Distances,
-    StopLimits,
+    FlightLimits,
     certified_snap,
     reference,
+    within_ball,
 )
 from shields.filtered import BRAKING_POLE, Measured, closing_bounds
 from shields.halfspace import Sampling, closing_along, demand_along, distance_demand, excess
 from shields.projection import project
 from shields.radial import line_of_sight, vector
+from shields.within import LIMITS, limit_demand
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
 SLACK = 1.0 - 1e-12
@@ -38,13 +43,15 @@ SLACK = 1.0 - 1e-12
 TRACKING_POLE = 30.0
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
+# Of an authority, what no certified stop counts on: the feedback's, and the error's of the inner loop.
+RESERVED = 0.05
 
 
 class JointSettings(NamedTuple):
     """What the sampled shield keeps, fixed for a period."""
 
     sampling: Sampling
-    stop: StopLimits
+    limits: FlightLimits
     margin: float
     closing: tuple
     gains: tuple
@@ -54,7 +61,8 @@ class JointSettings(NamedTuple):
 class Work(NamedTuple):
     """Scratch of one vehicle among K spheres.
 
-    Half-spaces (2K), distances to keep (K), distances that the stored stop has to keep (K).
+    Half-spaces (2K, then those of an authority), distances to keep (K), and that the stored stop has to
+    keep (K).
     """
 
     normals: np.ndarray
@@ -102,7 +110,8 @@ def cut(x, u, spheres, last, settings, work, decision, most):
     Returns whether there was one, and the largest correction asked for so far.
     """
     center, velocity, radius = spheres
-    count, is_cut = radius.shape[0], False
+    count = radius.shape[0]
+    is_cut, most = cut_by_limits(x, u, settings.sampling, settings.sampling.authority, work, decision, most)
     for k in range(count):
         if radius[k] > 0.0:
             y = relative_to(x, vector(center[k]), vector(velocity[k]))
@@ -115,6 +124,32 @@ def cut(x, u, spheres, last, settings, work, decision, most):
             if raise_offset(work, count + k, demand, u):
                 is_cut, most = True, note_demand(demand, u, k, most, decision)
     return is_cut, most
+
+
+@kernel
+def cut_by_limits(x, u, sampling, authority, work, decision, most):
+    """Enter the half-spaces of the authority that u is outside of."""
+    is_cut = False
+    if authority is not None:
+        for limit in range(LIMITS):
+            demand = limit_demand(limit, x, u, sampling, authority)
+            if raise_offset(work, work.offsets.shape[0] - LIMITS + limit, demand, u):
+                is_cut, most = True, note_demand(demand, u, -1, most, decision)
+    return is_cut, most
+
+
+@kernel
+def shortened(u, work, snap_max):
+    """A snap of the same half-spaces within the ball, on the way from u to the one nearest to none."""
+    if norm(u) <= snap_max:
+        return u
+    px, py, pz, is_feasible = project(NOTHING, work.normals, work.offsets, work.offsets.shape[0])
+    least = (px, py, pz)
+    if not (is_feasible and norm(least) <= snap_max):
+        return u
+    way = subtract(u, least)
+    a, b, c = dot(way, way), dot(way, least), dot(least, least) - snap_max * snap_max
+    return combined(least, SLACK * max((math.sqrt(max(b * b - a * c, 0.0)) - b) / a, 0.0), way)
 
 
 @kernel
@@ -133,12 +168,13 @@ def nearest_snap(x, wanted, spheres, last, settings, work, decision):
 
     A half-space enters when the snap is outside of it: most never do, and the others enter exactly.
     """
+    wanted = within_ball(wanted, settings.limits.snap_max)
     u, is_feasible = wanted, True
     work.offsets[:] = -math.inf
     is_cut, most = cut(x, u, spheres, last, settings, work, decision, 0.0)
     while is_cut and is_feasible:
         px, py, pz, is_feasible = project(wanted, work.normals, work.offsets, work.offsets.shape[0])
-        u = (px, py, pz)
+        u = shortened((px, py, pz), work, settings.limits.snap_max)
         is_cut, most = cut(x, u, spheres, last, settings, work, decision, most)
     return u, is_feasible
 
@@ -180,17 +216,21 @@ def backup_snap(x, spheres, last, settings, work, decision):
     k_v, k_a, k_j = settings.braking
     brake = combined(combined(scale(-k_v, x.v), -k_a, x.a), -k_j, x.j)
     u, is_feasible = nearest_snap(x, brake, spheres, last, settings, work, decision)
-    if is_feasible and norm(u) <= norm(brake) + 2 * input_max:
-        return u
-    return scale(input_max, vector(last[decision["obstacle"]]))
+    if not (is_feasible and norm(u) <= norm(brake) + 2 * input_max):
+        u = scale(input_max, vector(last[decision["obstacle"]]))
+    return within_ball(u, settings.limits.snap_max)
 
 
 @kernel
-def stop_limits(x, stop):
-    """The limits of a stop; a vehicle that starts below the thrust floor may not sink further."""
-    lift = combined(x.a, stop.floor.gravity, (0.0, 0.0, 1.0))
-    return StopLimits(
-        stop.snap_max, ThrustFloor(min(stop.floor.thrust, SLACK * norm(lift)), stop.floor.gravity)
+def limits_at(x, limits):
+    """The limits of a flight; what a vehicle begins outside of may get no worse."""
+    band = limits.band
+    thrust = norm(combined(x.a, band.gravity, (0.0, 0.0, 1.0)))
+    return FlightLimits(
+        limits.snap_max,
+        limits.stop_snap_max,
+        max(limits.jerk_max, norm(x.j) / SLACK),
+        ThrustBand(min(band.least, SLACK * thrust), max(band.most, thrust / SLACK), band.gravity),
     )
 
 
@@ -211,7 +251,7 @@ def joint_snap(x, wanted, is_wanted, spheres, last, plan, settings, work, decisi
     choose_directions(x, wanted, spheres, last, settings, work, decision)
     nearest, is_feasible = nearest_snap(x, wanted, spheres, last, settings, work, decision)
     is_wanted &= is_feasible
-    distances, limits = around(plan, x, spheres, period, work), stop_limits(x, settings.stop)
+    distances, limits = around(plan, x, spheres, period, work), limits_at(x, settings.limits)
     snap, kind = certified_snap(plan, x, nearest, is_wanted, period, distances, limits, settings.gains)
     if kind == UNCERTIFIED:
         snap = backup_snap(x, spheres, last, settings, work, decision)
@@ -240,7 +280,8 @@ class SampledMethod:
         """Empty memory for every row."""
         self._normals = np.zeros((rows, obstacles, 3))
         self._plans = np.zeros(rows, dtype=PLAN)
-        normals, offsets = np.zeros((2 * obstacles, 3)), np.zeros(2 * obstacles)
+        rows_of = 2 * obstacles + (0 if self._settings["authority"] is None else LIMITS)
+        normals, offsets = np.zeros((rows_of, 3)), np.zeros(rows_of)
         self._work = Work(normals, offsets, np.zeros(obstacles), np.zeros(obstacles))
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
@@ -262,13 +303,34 @@ class SampledMethod:
 
 def joint_settings(settings: Mapping[str, Any], period: float) -> JointSettings:
     """The settings of a shield at a control period, s, as the kernels take them."""
-    u_max, gamma = settings["snap_max"], -math.expm1(-settings["alpha"] * period)
-    input_max = settings["reserve"] * u_max
+    sampling, limits = free(settings, period) if settings["authority"] is None else within(settings, period)
     return JointSettings(
-        Sampling(u_max, gamma, input_max, period),
-        StopLimits(input_max, ThrustFloor(settings["thrust_min"], settings["gravity"])),
+        sampling,
+        limits,
         settings["margin"],
         closing_bounds(settings),
         tuple(held_gains(4, TRACKING_POLE, period).tolist()),
         tuple(held_gains(3, BRAKING_POLE, period).tolist()),
     )
+
+
+def free(settings: Mapping[str, Any], period: float) -> tuple[Sampling, FlightLimits]:
+    """Snap bounds as given, for a vehicle of which nothing else is known but its thrust floor."""
+    u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
+    band = ThrustBand(settings["thrust_min"], math.inf, settings["gravity"])
+    sampling = Sampling(u_max, decay(settings, period), input_max, period)
+    return sampling, FlightLimits(math.inf, input_max, math.inf, band)
+
+
+def within(settings: Mapping[str, Any], period: float) -> tuple[Sampling, FlightLimits]:
+    """Every bound from the authority, stops and half-spaces without what is reserved."""
+    authority = checked_authority("authority", settings["authority"])
+    kept = authority.less(RESERVED)
+    band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
+    sampling = Sampling(kept.snap_max, decay(settings, period), authority.snap_max, period, kept)
+    return sampling, FlightLimits(authority.snap_max, kept.snap_max, kept.jerk_max, band)
+
+
+def decay(settings: Mapping[str, Any], period: float) -> float:
+    """γ = 1 − e^(−αΔ)."""
+    return -math.expm1(-settings["alpha"] * period)

@@ -1,17 +1,21 @@
 """The shield: settings and memory around a method that turns desired snaps into safe ones."""
 
 import math
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quadsafe_core.authority import Authority, checked_authority
 from quadsafe_core.checks import finite_array, non_negative_number, one_of, positive_number, shaped_array
 from shields.cbf import CbfMethod
 from shields.filtered import DECISION, Filtered, Measured, compare_batch, desired_or_braking
 from shields.joint import SampledMethod
 
+# What an authority takes the place of.
+FREE_NUMBERS = MappingProxyType({"snap_max": 200.0, "reserve": 3.0, "thrust_min": 1.0, "gravity": 9.81})
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
 
@@ -54,16 +58,24 @@ class Shield:
     Method "cbf" is the filter (33) of the paper for one sphere, a statement about continuous time: held over
     a period it can be violated. It answers a desired snap that is not finite by braking, filtered.
 
+    With an ``authority`` ("sampled") every flight also keeps to what a vehicle can give. No snap is longer than
+    the authority's. A snap is flown only if the specific thrust and the jerk keep to the authority for the
+    period and along a stop after it; the stop counts on 95 % of the authority, and the rest is the feedback's
+    that holds the vehicle on it. So what is desired is limited to what can still be stopped. The half-spaces
+    are those of the braking set, with ū, x̄_1 and x̄_2 from the authority along each direction.
+
     Every departure is reported in ``Filtered``.
 
     Args:
         method: "sampled" or "cbf".
-        snap_max: ū, snap along the line of sight that the invariant sets count on, m/s⁴.
-        reserve: U_max/ū ≥ 1, how far beyond ū a state outside its set may be pushed back, and a stop go.
+        snap_max: ū, snap along the line of sight that the invariant sets count on, m/s⁴; 200 by default.
+        reserve: U_max/ū ≥ 1, how far beyond ū a state outside its set may be pushed back, and a stop go; 3.
         alpha: α, how fast a set value may decay, 1/s.
         margin: how far outside the keep-out radius the set ends, as a fraction of that radius.
-        thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled").
-        gravity: g, m/s² ("sampled").
+        thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled"); 1.
+        gravity: g, m/s² ("sampled"); 9.81.
+        authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of snap_max,
+            reserve, thrust_min and gravity; None for those.
         max_closing_speed: bound of −Ṙ, m/s, or None; "sampled" keeps it along the line of sight of each period.
         max_closing_acceleration: bound of −R̈, m/s², or None.
         max_closing_jerk: bound of −R⃛, m/s³, or None.
@@ -79,24 +91,28 @@ class Shield:
         self,
         *,
         method: str = "sampled",
-        snap_max: float = 200.0,
-        reserve: float = 3.0,
+        snap_max: float | None = None,
+        reserve: float | None = None,
         alpha: float = 2.0,
         margin: float = 0.005,
-        thrust_min: float = 1.0,
-        gravity: float = 9.81,
+        thrust_min: float | None = None,
+        gravity: float | None = None,
+        authority: Authority | Mapping[str, float] | None = None,
         max_closing_speed: float | None = None,
         max_closing_acceleration: float | None = None,
         max_closing_jerk: float | None = None,
     ):
+        given = {"snap_max": snap_max, "reserve": reserve, "thrust_min": thrust_min, "gravity": gravity}
+        vehicle = _free_numbers(given) if authority is None else _bound_numbers(given, method, authority)
         self._settings = {
             "method": one_of("method", method, tuple(METHODS)),
-            "snap_max": positive_number("snap_max", snap_max),
-            "reserve": _at_least_one("reserve", reserve),
+            "snap_max": vehicle["snap_max"],
+            "reserve": vehicle["reserve"],
             "alpha": positive_number("alpha", alpha),
             "margin": non_negative_number("margin", margin),
-            "thrust_min": non_negative_number("thrust_min", thrust_min),
-            "gravity": positive_number("gravity", gravity),
+            "thrust_min": vehicle["thrust_min"],
+            "gravity": vehicle["gravity"],
+            "authority": vehicle["authority"],
             "max_closing_speed": _optional("max_closing_speed", max_closing_speed),
             "max_closing_acceleration": _optional("max_closing_acceleration", max_closing_acceleration),
             "max_closing_jerk": _optional("max_closing_jerk", max_closing_jerk),
@@ -240,6 +256,28 @@ def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     if rows.size != math.prod(shape) or rows.shape[-2:] != shape[-2:]:
         raise ValueError(f"velocity must have the shape of center, got {np.shape(velocity)}")
     return rows.reshape(shape)
+
+
+def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
+    """Free numbers, the defaults where none is given."""
+    number = {name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()}
+    return {
+        "snap_max": positive_number("snap_max", number["snap_max"]),
+        "reserve": _at_least_one("reserve", number["reserve"]),
+        "thrust_min": non_negative_number("thrust_min", number["thrust_min"]),
+        "gravity": positive_number("gravity", number["gravity"]),
+        "authority": None,
+    }
+
+
+def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) -> dict[str, Any]:
+    """The authority as a dict, and none of what it takes the place of."""
+    if method != "sampled":
+        raise ValueError(f"authority needs method 'sampled', got {method!r}")
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} must be left out beside an authority, which sets it, got {value!r}")
+    return {**given, "authority": checked_authority("authority", authority)._asdict()}
 
 
 def _at_least_one(name: str, value: float) -> float:

@@ -17,6 +17,8 @@ from quadsafe_core.jit import kernel
 from shields.filtered import ROUNDING, Filtered
 from shields.shield import Shield
 
+VEHICLE = "vehicle"
+
 # What the shield did to one plant since the policy step began.
 TALLY = np.dtype(
     [
@@ -119,6 +121,18 @@ class Installation:
         self._plant.snap_filter = self._before
 
 
+def _resolved(settings: dict[str, Any], plant: Any) -> dict[str, Any]:
+    """The settings with the vehicle's authority in numbers."""
+    value = settings.get("authority")
+    if not isinstance(value, str):
+        return settings
+    if value != VEHICLE:
+        raise ValueError(f"authority must be {VEHICLE!r}, an Authority, a mapping or None, got {value!r}")
+    if not hasattr(plant, "authority"):
+        raise TypeError(f"env must have authority() for authority={VEHICLE!r}, got {type(plant).__name__}")
+    return {**settings, "authority": plant.authority()}
+
+
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     """Shields an environment with a filter slot.
 
@@ -147,7 +161,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         env: the environment; ``env.unwrapped`` has the slot.
         intervention_penalty: taken off the reward, times the share of the step's control periods in which
             the shield intervened.
-        settings: keyword arguments of ``Shield``.
+        settings: keyword arguments of ``Shield``. ``authority="vehicle"`` stands for the plant's own,
+            ``env.unwrapped.authority()``.
 
     Raises:
         TypeError: if the environment has no slot.
@@ -155,9 +170,11 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     """
 
     def __init__(self, env: gymnasium.Env, *, intervention_penalty: float = 0.0, **settings: Any):
-        shield = Shield(**settings)
+        shield = Shield(**_resolved(settings, env.unwrapped))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **shield.settings)
+        # The word, not its numbers: a rebuilt env may fly another vehicle.
+        word = {"authority": VEHICLE} if settings.get("authority") == VEHICLE else {}
+        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **{**shield.settings, **word})
         gymnasium.Wrapper.__init__(self, env)
         self._penalty = penalty
         self._installation = Installation(env.unwrapped, shield, rows=1)
@@ -214,7 +231,8 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
     def __init__(self, env: gymnasium.vector.VectorEnv, *, intervention_penalty: float = 0.0, **settings: Any):
         super().__init__(env)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        self._installation = Installation(env.unwrapped, Shield(**settings), rows=env.num_envs)
+        shield = Shield(**_resolved(settings, env.unwrapped))
+        self._installation = Installation(env.unwrapped, shield, rows=env.num_envs)
 
     @property
     def spec(self) -> None:

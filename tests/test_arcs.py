@@ -11,7 +11,7 @@ from numpy.polynomial import polynomial
 from shields.arcs import (
     Flat,
     Spheres,
-    ThrustFloor,
+    ThrustBand,
     acceleration_points,
     arc_is_clear,
     flat_of,
@@ -22,8 +22,8 @@ from shields.arcs import (
 )
 
 GRAVITY = 9.81
-FLOOR = ThrustFloor(1.0, GRAVITY)
-NO_FLOOR = ThrustFloor(0.0, GRAVITY)
+FLOOR = ThrustBand(1.0, math.inf, GRAVITY)
+NO_FLOOR = ThrustBand(0.0, math.inf, GRAVITY)
 SEEDS = st.integers(0, 2**32 - 1)
 
 
@@ -116,12 +116,12 @@ def test_a_clear_arc_is_clear_at_every_instant(drift):
         path = motion(rows, snap, times)
         spheres, distance = spheres_near(rng, path, start + times, drift, rng.uniform(0.97, 1.1))
         thrust = np.linalg.norm(motion(rows, snap, times, 2) + np.array([0, 0, GRAVITY]), axis=1).min()
-        floor = ThrustFloor(thrust / rng.uniform(0.9, 2.0), GRAVITY)
+        floor = ThrustBand(thrust / rng.uniform(0.9, 2.0), math.inf, GRAVITY)
         if arc_is_clear(flat_state(rows), three(snap), start, duration, spheres, floor):
             accepted += 1
             # The control points carry rounding of some 1e-15 of their size.
             assert distance >= spheres.keep_out[0] * (1 - 1e-12)
-            assert thrust >= floor.thrust * (1 - 1e-12)
+            assert thrust >= floor.least * (1 - 1e-12)
     assert accepted > 300  # fewer would not test much
 
 
@@ -162,7 +162,7 @@ def test_a_fall_below_the_thrust_floor_is_not_clear():
     assert arc_is_clear(x, three([0, 0, 0]), 0.0, 0.1, nowhere, FLOOR)
     # The acceleration sinks by snap · 0.1² / 2: to a specific thrust of 0.5.
     assert not arc_is_clear(x, three([0, 0, -300.0]), 0.0, 0.1, nowhere, FLOOR)
-    assert arc_is_clear(x, three([0, 0, -300.0]), 0.0, 0.1, nowhere, ThrustFloor(0.49, GRAVITY))
+    assert arc_is_clear(x, three([0, 0, -300.0]), 0.0, 0.1, nowhere, ThrustBand(0.49, math.inf, GRAVITY))
 
 
 @pytest.mark.interpreted

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quadsafe_core.feedback import held_gains
-from shields.arcs import Flat, Spheres, ThrustFloor, combined, flat_of, flown
+from shields.arcs import Flat, Spheres, ThrustBand, combined, flat_of, flown
 from shields.certificate import (
     ACCEPTED,
     ASTRAY,
@@ -20,7 +20,7 @@ from shields.certificate import (
     STOPPED,
     UNCERTIFIED,
     Distances,
-    StopLimits,
+    FlightLimits,
     accept,
     adopt_stop,
     advance_stop,
@@ -35,7 +35,7 @@ from shields.certificate import (
 )
 
 GRAVITY, PERIOD = 9.81, 0.05
-LIMITS = StopLimits(600.0, ThrustFloor(1.0, GRAVITY))
+LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
 GAINS = tuple(held_gains(4, 30.0, PERIOD).tolist())
 WORLD = (0.0, 0.0, 0.0)
 FRAMES = [WORLD, (0.7, -0.3, 0.2)]
@@ -103,7 +103,7 @@ def assert_clear(states, times, spheres):
         # Rounding of the control points.
         assert np.linalg.norm(gap, axis=1).min() >= keep_out - 1e-12
     thrust = np.linalg.norm([np.add(x.a, (0, 0, GRAVITY)) for x in states], axis=1)
-    assert thrust.min() >= LIMITS.floor.thrust - 1e-12
+    assert thrust.min() >= LIMITS.band.least - 1e-12
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -199,7 +199,7 @@ def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
     assert plan["is_stored"]
     np.testing.assert_array_equal(plan["begin"], flown(x, snap, PERIOD))
     assert_clear(samples_of(x, snap, PERIOD), np.linspace(0.0, PERIOD, 51), spheres)
-    states, times, end = samples_of_stop(plan, PERIOD, LIMITS.snap_max)
+    states, times, end = samples_of_stop(plan, PERIOD, LIMITS.stop_snap_max)
     assert_clear(states, PERIOD + times, spheres)
     later = np.linspace(0.0, 30.0, 301)
     r = np.array(end.r) + later[:, None] * plan["frame"]
@@ -322,7 +322,7 @@ def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     x, plan = flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), empty_plan()
     assert adopt_stop(plan, x, 0.0, PERIOD, chaser, LIMITS)
     np.testing.assert_array_equal(plan["frame"], (1.0, 0, 0))
-    states, times, _ = samples_of_stop(plan, PERIOD, LIMITS.snap_max)
+    states, times, _ = samples_of_stop(plan, PERIOD, LIMITS.stop_snap_max)
     assert_clear(states, times, chaser)
 
 

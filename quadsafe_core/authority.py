@@ -1,0 +1,100 @@
+"""What a vehicle can always give: bounds of snap, jerk and specific thrust that plant and shield agree on."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import finite_array, positive_number
+from quadsafe_core.jit import kernel
+
+
+class Authority(NamedTuple):
+    """What a vehicle can always give, whatever its attitude.
+
+    Whoever hands one out promises: a flight within these numbers never asks the rotors for more than they have.
+
+    | field      | unit | meaning                                              |
+    |------------|------|------------------------------------------------------|
+    | snap_max   | m/s⁴ | bound of ‖r⁗‖                                        |
+    | jerk_max   | m/s³ | bound of ‖r⃛‖                                        |
+    | thrust_min | m/s² | lower end of the band of specific thrust ‖r̈ + g e3‖ |
+    | thrust_max | m/s² | upper end of that band                               |
+    | gravity    | m/s² | g                                                    |
+    """
+
+    snap_max: float
+    jerk_max: float
+    thrust_min: float
+    thrust_max: float
+    gravity: float
+
+    def acceleration_along(self, direction: ArrayLike) -> NDArray[np.float64]:
+        """Greatest λ for which the accelerations from 0 to λ n keep the specific thrust in the band.
+
+        With ``‖λ n + g e3‖² = λ² + 2 λ g n_z + g²`` it is the first positive root at an end of the band.
+
+        Args:
+            direction: (…, 3), not zero; n is it over its length.
+
+        Returns:
+            λ, (…), m/s².
+
+        Raises:
+            ValueError: for a wrong shape, non-finite numbers or a direction without length.
+        """
+        d = finite_array("direction", direction, (3,))
+        length = np.linalg.norm(d, axis=-1)
+        if not (length > 0.0).all():
+            raise ValueError("direction must be longer than 0, got a vector of zeros")
+        upward = np.divide(d[..., 2], length)
+        out = np.empty(upward.size)
+        acceleration_along_batch(np.ravel(upward), self, out)
+        return out.reshape(upward.shape)
+
+    def less(self, share: float) -> "Authority":
+        """Without a share of the snap, of the jerk, and of both ways from hover to the ends of the band."""
+        kept = 1.0 - share
+        return Authority(
+            kept * self.snap_max,
+            kept * self.jerk_max,
+            self.gravity + kept * (self.thrust_min - self.gravity),
+            self.gravity + kept * (self.thrust_max - self.gravity),
+            self.gravity,
+        )
+
+
+@kernel
+def acceleration_along(n_z, authority):
+    """Greatest acceleration along a unit vector with that z entry which keeps the thrust in the band."""
+    upward, lift = authority.gravity * n_z, authority.gravity * authority.gravity
+    inside = upward * upward + authority.thrust_min * authority.thrust_min - lift
+    # Only downwards, within a cone, does the thrust fall to the lower end at all.
+    if upward < 0.0 and inside >= 0.0:
+        return -upward - math.sqrt(inside)
+    return math.sqrt(upward * upward + authority.thrust_max * authority.thrust_max - lift) - upward
+
+
+@kernel
+def acceleration_along_batch(n_z, authority, out):
+    """Rows of ``acceleration_along``."""
+    for i in range(n_z.shape[0]):
+        out[i] = acceleration_along(n_z[i], authority)
+
+
+def checked_authority(name: str, value: Any) -> Authority:
+    """``value``, an Authority or a mapping of its fields, with every number checked.
+
+    Raises:
+        TypeError, ValueError: naming the field, what was expected and what came.
+    """
+    fields = Authority._fields
+    table = value._asdict() if isinstance(value, Authority) else value
+    if not isinstance(table, Mapping) or set(table) != set(fields):
+        raise TypeError(f"{name} must be an Authority or a mapping of {', '.join(fields)}, got {value!r}")
+    found = Authority(**{field: positive_number(f"{name}.{field}", table[field]) for field in fields})
+    if not found.thrust_min < found.gravity < found.thrust_max:
+        raise ValueError(f"{name} must have thrust_min < gravity < thrust_max, got {found}")
+    return found
