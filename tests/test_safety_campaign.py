@@ -112,7 +112,7 @@ def test_a_job_gives_the_same_counts_again(jobs):
 def test_the_tables_of_the_document_are_those_of_its_data(tables, safety):
     text = (ROOT / "docs/safety.md").read_text(encoding="utf-8")
     rows = safety.Results(ROOT / "docs/data/safety.csv").rows
-    assert tables.filled(text, rows) == text
+    assert tables.filled(text, rows, tables.TABLES) == text
 
 
 def test_upper_bound_is_exact_next_to_zero():

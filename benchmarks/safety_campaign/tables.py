@@ -1,6 +1,6 @@
 """The tables of docs/safety.md, from the results."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from safety_campaign.results import upper_bound
@@ -13,12 +13,12 @@ NAMES = {"sampled": "sampled", "cbf": "(33)", "none": "none"}
 
 def write(path: Path, rows: list[Row]) -> None:
     """Put the tables between the marks of the document."""
-    path.write_text(filled(path.read_text(encoding="utf-8"), rows), encoding="utf-8")
+    path.write_text(filled(path.read_text(encoding="utf-8"), rows, TABLES), encoding="utf-8")
 
 
-def filled(text: str, rows: list[Row]) -> str:
+def filled(text: str, rows: list[Row], tables: Mapping[str, Callable[[list[Row]], str]]) -> str:
     """The document with the tables of these results between its marks ``<!-- name -->`` … ``<!-- end -->``."""
-    for name, make in TABLES.items():
+    for name, make in tables.items():
         before, mark, rest = text.partition(f"<!-- {name} -->\n")
         text = f"{before}{mark}{make(rows)}\n{END}{rest.partition(END)[2]}"
     return text
