@@ -36,7 +36,18 @@ DURATIONS = (8.0, 6.0, 4.5, 3.4, 2.6, 2.0, 1.5, 1.2, 1.0, 0.8)
 FLIGHTS = 100  # per duration
 SCENES = {"QuadSafe/Flight-v0": 1, "QuadSafe/Avoid-v0": FLIGHTS}
 COUNTS = ("violation", "crash", "out_of_bounds", "is_success")
-COLUMNS = ("env", "arm", "duration", "flights", *COUNTS, "steps", "saturated", "acts", "stopped", "top_speed")
+COLUMNS: list[str] = [
+    "env",
+    "arm",
+    "duration",
+    "flights",
+    *COUNTS,
+    "steps",
+    "saturated",
+    "acts",
+    "stopped",
+    "top_speed",
+]
 CSV = ROOT / "docs/data/authority.csv"
 PAGE = ROOT / "docs/authority.md"
 END = 4.0  # s after the path's end that a flight may still take

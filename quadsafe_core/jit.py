@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
@@ -94,3 +94,20 @@ def kernel(function: F) -> F:
 def inline_kernel(function: F) -> F:
     """Compile a small helper that is always inlined into the kernel that calls it."""
     return _compiled(function, forceinline=True)
+
+
+@contextmanager
+def compiling(*functions: Callable) -> Iterator[None]:
+    """Let kernels compile for new types of arguments; afterwards those are a TypeError.
+
+    So a call with unchecked arguments cannot start a compilation by mistake.
+    """
+    # Without the JIT a kernel is a plain function.
+    compiled: list[Any] = [function for function in functions if hasattr(function, "disable_compile")]
+    for function in compiled:
+        function.disable_compile(False)
+    try:
+        yield
+    finally:
+        for function in compiled:
+            function.disable_compile(bool(function.signatures))

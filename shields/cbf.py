@@ -23,11 +23,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_number
+from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_core.vec3 import dot
-from shields.filtered import Measured, closing_bounds
+from quadsafe_core.vec3 import dot, subtract
+from shields import radial
+from shields.filtered import (
+    BAD_SHAPES,
+    BRAKING_POLE,
+    CROWDED,
+    DONE,
+    MOVING,
+    OBSTACLE,
+    RESERVE,
+    TOO_LARGE,
+    VALUE,
+    Kernels,
+    answer,
+    checked_rows,
+    closing_bounds,
+    shapes_of_one,
+    triple,
+    wanted_snap,
+)
 from shields.integrator import lower1, lower2, lower3, lower4, required_input
-from shields.radial import checked_rows, motion_about, shifted_snap, vector
+from shields.radial import radial_motion, shifted_snap
 
 
 class ClosingBounds(NamedTuple):
@@ -72,45 +91,74 @@ def closest_input(state, U_des, distance, bounds, limits):
 
 
 @inline_kernel
-def safe_snap(flat, center, distance, snap, bounds, limits):
+def safe_snap(x, center, distance, snap, bounds, limits):
     """Steps B, C and D of Section V for one sphere: the nearest safe snap, its U, and the least set value."""
-    state, n, T = motion_about(flat, center)
+    r, v, a, j = x
+    state, n, T = radial_motion(subtract(r, center), v, a, j)
     U_des = dot(n, snap) + T
     U, value = closest_input(state, U_des, distance, bounds, limits)
     return (snap if U_des == U else shifted_snap(snap, n, U - U_des)), U, value
 
 
 @inline_kernel
-def present_obstacle(radius):
-    """Index of the only sphere with a radius above 0; −1 for none, −2 for several."""
+def present_obstacle(i, radius):
+    """Index of the only sphere of row i with a radius above 0; −1 for none, −2 for several."""
     found = -1
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
+    for k in range(radius.shape[1]):
+        if radius[i, k] > 0.0:
             found = k if found == -1 else -2
     return found
 
 
 @kernel
-def safe_snap_batch(flat, center, radius, desired, constants, snap, decisions):
-    """Rows of ``safe_snap``; returns the first row with several spheres, or −1.
+def cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts):
+    """Filter row i; ``DONE``, or what is wrong with it.
 
-    ``constants``: keep-out distance per radius, then the entries of ``ClosingBounds`` and of ``Limits``.
+    ``constants``: keep-out distance per radius, the entries of ``ClosingBounds`` and ``Limits``, braking gains.
     """
-    bounds = ClosingBounds(constants[1], constants[2], constants[3])
-    limits = Limits(constants[4], constants[5], constants[6])
-    for i in range(flat.shape[0]):
-        k, wanted = present_obstacle(radius[i]), vector(desired[i])
-        if k == -2:
-            return i
-        u, U, value = wanted, -math.inf, math.inf
-        if k >= 0:
-            u, U, value = safe_snap(flat[i], center[i, k], constants[0] * radius[i, k], wanted, bounds, limits)
-        decisions[i]["value"] = value
+    k, u_max = present_obstacle(i, radius), constants[4]
+    wanted = wanted_snap(i, flat, snap, (constants[7], constants[8], constants[9]), facts)
+    u = wanted
+    if k == -2:
+        return CROWDED
+    if k >= 0:
+        if triple(velocity, i, k) != (0.0, 0.0, 0.0):
+            return MOVING
+        bounds = ClosingBounds(constants[1], constants[2], constants[3])
+        limits = Limits(u_max, constants[5], constants[6])
+        x = (triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+        distance = constants[0] * radius[i, k]
+        u, U, facts[i, VALUE] = safe_snap(x, triple(center, i, k), distance, wanted, bounds, limits)
         if u != wanted:
-            decisions[i]["obstacle"], decisions[i]["reserve"] = k, max(0.0, U / limits.u_max)
-        for axis in range(3):
-            snap[i, axis] = u[axis]
-    return -1
+            facts[i, OBSTACLE], facts[i, RESERVE] = k, max(0.0, U / u_max)
+    return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
+
+
+@kernel
+def cbf_batch(flat, center, radius, velocity, snap, constants, safe, facts):
+    """Rows of ``cbf_row``; the first code that is not ``DONE``."""
+    code = checked_rows(flat, center, radius, velocity, snap, safe)
+    for i in range(safe.shape[0]):
+        if code == DONE:
+            code = cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts)
+    return code
+
+
+@kernel
+def cbf_one(flat, center, radius, velocity, snap, constants, safe, facts):
+    """``cbf_batch`` of one vehicle without the leading axis."""
+    if not shapes_of_one(flat, center, radius, velocity, snap):
+        return BAD_SHAPES
+    return cbf_batch(
+        flat.reshape((1, 4, 3)),
+        center.reshape((1, center.shape[0], 3)),
+        radius.reshape((1, radius.shape[0])),
+        velocity,
+        snap.reshape((1, 3)),
+        constants,
+        safe.reshape((1, 3)),
+        facts.reshape((1, facts.shape[0])),
+    )
 
 
 @kernel
@@ -143,7 +191,7 @@ def filtered_input(
 
     Reference: equation (33), Lemmas 1 and 2.
     """
-    (states, inputs, distances), leading = checked_rows(
+    (states, inputs, distances), leading = radial.checked_rows(
         state=(state, (4,)), desired=(desired, ()), distance=(distance, ())
     )
     U, value = np.empty(inputs.shape), np.empty(inputs.shape)
@@ -155,11 +203,9 @@ class CbfMethod:
     """Equation (33), one sphere per row; it needs no memory."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        bounds = closing_bounds(settings)
         u_max = settings["snap_max"]
         limits = Limits(u_max, settings["alpha"], settings["reserve"] * u_max)
-        # One array crosses into the kernel faster than two named tuples, by 1 µs of 5.
-        self._constants = np.array([1.0 + settings["margin"], *bounds, *limits])
+        self._constants = [1.0 + settings["margin"], *closing_bounds(settings), *limits]
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """No memory."""
@@ -167,17 +213,11 @@ class CbfMethod:
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """No memory."""
 
-    def filter_rows(self, measured: Measured, desired: NDArray, period: float, snap, decisions) -> None:
-        """Filter every row; several spheres in a row are an error, and so are moving ones."""
-        flat, center, radius, velocity = measured
-        if velocity.any():
-            raise ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
-        crowded = safe_snap_batch(flat, center, radius, desired, self._constants, snap, decisions)
-        if crowded >= 0:
-            count = np.count_nonzero(radius[crowded])
-            raise ValueError(
-                f"method 'cbf' takes one obstacle, got {count} with radius > 0; several need method 'sampled'"
-            )
+    def at(self, period: float) -> Kernels:
+        """What filters at a period."""
+        # One array crosses into the kernel faster than named tuples.
+        constants = np.array([*self._constants, *held_gains(3, BRAKING_POLE, period)])
+        return Kernels(cbf_batch, cbf_one, (constants,))
 
 
 def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:

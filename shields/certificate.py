@@ -31,9 +31,9 @@ from shields.arcs import (
     write3,
     write_flat,
 )
+from shields.hull import SEGMENTS, is_clear_at_once
 from shields.radial import vector
 
-SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
@@ -226,8 +226,23 @@ def adopt_stop(plan, x, start, period, spheres, limits):
 
 
 @kernel
+def accept_at_once(plan, x, snap, period, spheres, share, limits):
+    """``accept`` by the quick test, with the segment length of the stored stop."""
+    if not norm(snap) <= limits.snap_max:
+        return False
+    after, choice = flown(x, snap, period), plan["choice"]
+    h = periods_of(choice, period) * period
+    if not is_clear_at_once(x, snap, after, h, period, spheres, share, limits):
+        return False
+    write_stop(plan, after, NOTHING, choice, period)
+    return True
+
+
+@kernel
 def accept(plan, x, snap, period, spheres, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
+    if accept_at_once(plan, x, snap, period, spheres, 1.0, limits):
+        return True
     if not (norm(snap) <= limits.snap_max and arc_is_clear(x, snap, 0.0, period, spheres, limits.band)):
         return False
     after = flown(x, snap, period)

@@ -4,80 +4,115 @@ Before it: check the measurements, replace a desired snap that is not finite. Af
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, subtract
-from shields.radial import vector
 
 # Pole of the braking feedback on (v, a, j), 1/s.
 BRAKING_POLE = 3.0
-
-# What ``prepare_batch`` found.
-UNUSABLE, COMPLETE, INCOMPLETE = -1, 0, 1
-
+# What a method says of the rows that it was given.
+DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED = range(6)
 # Set values within rounding of 0 count as 0.
 ROUNDING = 1e-9
-
-# What a shield decided for one plant, beside the snap; the fields are those of ``Filtered``.
-DECISION = np.dtype(
-    [
-        ("correction", "f8"),
-        ("value", "f8"),
-        ("reserve", "f8"),
-        ("obstacle", "i8"),
-        ("in_set", "?"),
-        ("intervened", "?"),
-        ("fallback", "?"),
-        ("refused", "?"),
-        ("stopped", "?"),
-        ("certified", "?"),
-    ]
-)
+# What a shield decided for one plant, beside the snap: the places of the fields of ``Filtered``.
+CORRECTION, VALUE, RESERVE, OBSTACLE, IN_SET, INTERVENED = range(6)
+IS_FALLBACK, IS_REFUSED, IS_STOPPED, IS_CERTIFIED = range(6, 10)
+FACTS = 10
 
 
-class Measured(NamedTuple):
-    """What a shield is told, checked: N flat states, K spheres each, their radii and velocities."""
+class Kernels(NamedTuple):
+    """How a method filters at a period: rows, or one plant without the leading axis; and its own arguments.
 
-    flat: NDArray[np.float64]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
-    velocity: NDArray[np.float64]
+    Both take (flat, center, radius, velocity, snap, *own, safe, facts), write the last two, and return a code.
+    """
+
+    batch: Callable[..., int]
+    one: Callable[..., int]
+    own: tuple
 
 
-class Filtered(NamedTuple):
+class Filtered:
     """Answer of a shield; each field has a leading N for a batch of N plants.
 
     Attributes:
         snap: (…, 3) safe snap, m/s⁴.
-        correction: (…) ‖safe − desired‖, m/s⁴.
-        value: (…) least set value, m (each optional bound in its own unit); +inf without an obstacle.
-        reserve: (…) largest input a sphere asked for, in units of ū; above 1 the reserve was used.
-        obstacle: (…) index of the sphere that asked for the largest correction; −1 for none.
-        in_set: (…) whether ``value`` is at least 0.
-        intervened: (…) whether the safe snap differs from the desired one.
-        fallback: (…) whether the shield answered with its backup in place of the desired snap.
-        refused: (…) whether the snap nearest to the desired one could not be certified.
-        stopped: (…) whether the stored stop was flown.
-        certified: (…) whether a stop that clears every sphere is stored; never so with method "cbf".
+        facts: (…, 10) the fields below, in one array of numbers.
     """
 
-    snap: NDArray[np.float64]
-    correction: NDArray[np.float64]
-    value: NDArray[np.float64]
-    reserve: NDArray[np.float64]
-    obstacle: NDArray[np.int64]
-    in_set: NDArray[np.bool_]
-    intervened: NDArray[np.bool_]
-    fallback: NDArray[np.bool_]
-    refused: NDArray[np.bool_]
-    stopped: NDArray[np.bool_]
-    certified: NDArray[np.bool_]
+    __slots__ = ("facts", "snap")
+
+    def __init__(self, snap: NDArray[np.float64], facts: NDArray[np.float64]):
+        self.snap, self.facts = snap, facts
+
+    def __iter__(self) -> Iterator[Any]:
+        """The snap, then the other fields in the order in which they stand here."""
+        yield self.snap
+        yield from (getattr(self, name) for name in FIELDS)
+
+    def __repr__(self) -> str:
+        fields = zip(("snap", *FIELDS), self, strict=True)
+        return f"Filtered({', '.join(f'{name}={field!r}' for name, field in fields)})"
+
+    @property
+    def correction(self) -> Any:
+        """(…) ‖safe − desired‖, m/s⁴."""
+        return self.facts[..., CORRECTION][()]
+
+    @property
+    def value(self) -> Any:
+        """(…) least set value, m (each optional bound in its own unit); +inf without an obstacle."""
+        return self.facts[..., VALUE][()]
+
+    @property
+    def reserve(self) -> Any:
+        """(…) largest input a sphere asked for, in units of ū; above 1 the reserve was used."""
+        return self.facts[..., RESERVE][()]
+
+    @property
+    def obstacle(self) -> Any:
+        """(…) index of the sphere that asked for the largest correction; −1 for none, or for the authority."""
+        return self.facts[..., OBSTACLE].astype(np.int64)[()]
+
+    @property
+    def in_set(self) -> Any:
+        """(…) whether ``value`` is at least 0."""
+        return self._is(IN_SET)
+
+    @property
+    def intervened(self) -> Any:
+        """(…) whether the safe snap differs from the desired one."""
+        return self._is(INTERVENED)
+
+    @property
+    def fallback(self) -> Any:
+        """(…) whether the shield answered with its backup in place of the desired snap."""
+        return self._is(IS_FALLBACK)
+
+    @property
+    def refused(self) -> Any:
+        """(…) whether the snap nearest to the desired one could not be certified."""
+        return self._is(IS_REFUSED)
+
+    @property
+    def stopped(self) -> Any:
+        """(…) whether the stored stop was flown."""
+        return self._is(IS_STOPPED)
+
+    @property
+    def certified(self) -> Any:
+        """(…) whether a stop that clears every sphere is stored; never so with method "cbf"."""
+        return self._is(IS_CERTIFIED)
+
+    def _is(self, place: int) -> Any:
+        return (self.facts[..., place] != 0.0)[()]
+
+
+FIELDS = tuple(name for name, entry in vars(Filtered).items() if isinstance(entry, property))
 
 
 def closing_bounds(settings: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -88,61 +123,90 @@ def closing_bounds(settings: Mapping[str, Any]) -> tuple[float, float, float]:
 
 
 @inline_kernel
-def is_finite_row(row):
+def is_finite(x):
     """Whether all three entries are finite."""
-    return math.isfinite(row[0]) and math.isfinite(row[1]) and math.isfinite(row[2])
+    return math.isfinite(x[0]) and math.isfinite(x[1]) and math.isfinite(x[2])
+
+
+@inline_kernel
+def triple(rows, i, k):
+    """The three numbers of row (i, k)."""
+    return (rows[i, k, 0], rows[i, k, 1], rows[i, k, 2])
 
 
 @kernel
-def prepare_batch(flat, center, radius, velocity, snap, desired, decisions):
-    """Open the decisions, copy the desired snaps, mark those not finite; ``UNUSABLE`` for a bad measurement."""
-    found = COMPLETE
-    for i in range(flat.shape[0]):
-        for order in range(4):
-            if not is_finite_row(flat[i, order]):
-                return UNUSABLE
-        for k in range(radius.shape[1]):
-            is_usable = is_finite_row(center[i, k]) and is_finite_row(velocity[i, k])
-            if not (is_usable and 0.0 <= radius[i, k] < math.inf):
-                return UNUSABLE
-        for axis in range(3):
-            desired[i, axis] = snap[i, axis]
-        decision = decisions[i]
-        decision["reserve"], decision["obstacle"] = 0.0, -1
-        decision["refused"] = decision["stopped"] = decision["certified"] = False
-        decision["fallback"] = not is_finite_row(snap[i])
-        if decision["fallback"]:
-            found = INCOMPLETE
-    return found
+def shapes_of_one(flat, center, radius, velocity, snap):
+    """Whether one plant and its K spheres have the shapes (4, 3), (K, 3), (K,), (1, K, 3), (3,)."""
+    k = velocity.shape[1]
+    return (
+        flat.shape == (4, 3)
+        and center.shape == (k, 3)
+        and radius.shape == (k,)
+        and velocity.shape[0] == 1
+        and snap.shape == (3,)
+    )
 
 
 @kernel
-def brake_batch(flat, gains, decisions, desired):
-    """Where the desired snap is not finite, desire the one that brings v, a and j to zero."""
-    for i in range(flat.shape[0]):
-        if decisions[i]["fallback"]:
-            for axis in range(3):
-                v, a, j = flat[i, 1, axis], flat[i, 2, axis], flat[i, 3, axis]
-                desired[i, axis] = -(gains[0] * v + gains[1] * a + gains[2] * j)
+def checked_rows(flat, center, radius, velocity, snap, safe):
+    """``DONE`` if N plants and their K spheres have their shapes and usable numbers, or what is wrong."""
+    n, k = safe.shape[0], velocity.shape[1]
+    if not (
+        flat.shape == (n, 4, 3)
+        and center.shape == (n, k, 3)
+        and radius.shape == (n, k)
+        and velocity.shape == (n, k, 3)
+        and snap.shape == (n, 3)
+    ):
+        return BAD_SHAPES
+    for i in range(n):
+        if not is_usable(i, flat, center, radius, velocity):
+            return BAD_MEASUREMENT
+    return DONE
 
 
 @kernel
-def compare_batch(desired, snap, decisions):
-    """Correction, membership and intervention of every row; False if an answer is not a number."""
-    for i in range(snap.shape[0]):
-        u, u_des, decision = vector(snap[i]), vector(desired[i]), decisions[i]
-        if math.isnan(decision["value"]) or not is_finite_row(snap[i]):
+def is_usable(i, flat, center, radius, velocity):
+    """Whether every measurement of row i is finite and no radius negative."""
+    for order in range(4):
+        if not is_finite(triple(flat, i, order)):
             return False
-        decision["correction"] = norm(subtract(u, u_des))
-        decision["in_set"] = decision["value"] >= -ROUNDING
-        decision["intervened"] = u != u_des
+    for k in range(radius.shape[1]):
+        if not (is_finite(triple(center, i, k)) and is_finite(triple(velocity, i, k))):
+            return False
+        if not 0.0 <= radius[i, k] < math.inf:
+            return False
     return True
 
 
-def desired_or_braking(measured: Measured, snap, period: float, decisions) -> NDArray[np.float64] | None:
-    """Desired snaps (N, 3), a braking one where it is not finite; None for a bad measurement."""
-    desired = np.empty(snap.shape)
-    found = prepare_batch(*measured, snap, desired, decisions)
-    if found == INCOMPLETE:
-        brake_batch(measured.flat, held_gains(3, BRAKING_POLE, period), decisions, desired)
-    return None if found == UNUSABLE else desired
+@kernel
+def wanted_snap(i, flat, snap, gains, facts):
+    """Open the facts of row i; the desired snap, or one that brings v, a and j to zero if it is not finite."""
+    wanted = (snap[i, 0], snap[i, 1], snap[i, 2])
+    facts[i, :] = 0.0
+    facts[i, VALUE], facts[i, OBSTACLE] = math.inf, -1.0
+    if is_finite(wanted):
+        return wanted
+    facts[i, IS_FALLBACK] = 1.0
+    return braking(triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3), gains)
+
+
+@inline_kernel
+def braking(v, a, j, gains):
+    """Feedback that brings v, a and j to zero."""
+    k_v, k_a, k_j = gains
+    return (
+        -(k_v * v[0] + k_a * a[0] + k_j * j[0]),
+        -(k_v * v[1] + k_a * a[1] + k_j * j[1]),
+        -(k_v * v[2] + k_a * a[2] + k_j * j[2]),
+    )
+
+
+@kernel
+def answer(i, wanted, u, safe, facts):
+    """Write down the safe snap of row i, correction, membership, intervention; False if it is not a number."""
+    safe[i, 0], safe[i, 1], safe[i, 2] = u
+    facts[i, CORRECTION] = norm(subtract(u, wanted))
+    facts[i, IN_SET] = facts[i, VALUE] >= -ROUNDING
+    facts[i, INTERVENED] = u != wanted
+    return is_finite(u) and not math.isnan(facts[i, VALUE])

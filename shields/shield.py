@@ -1,7 +1,7 @@
 """The shield: settings and memory around a method that turns desired snaps into safe ones."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -10,8 +10,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.authority import Authority, checked_authority
 from quadsafe_core.checks import finite_array, non_negative_number, one_of, positive_number, shaped_array
+from quadsafe_core.jit import compiling
 from shields.cbf import CbfMethod
-from shields.filtered import DECISION, Filtered, Measured, compare_batch, desired_or_braking
+from shields.filtered import (
+    BAD_MEASUREMENT,
+    BAD_SHAPES,
+    CROWDED,
+    DONE,
+    FACTS,
+    MOVING,
+    Filtered,
+    Kernels,
+)
 from shields.joint import SampledMethod
 
 # What an authority takes the place of.
@@ -28,16 +38,9 @@ class Method(Protocol):
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of the rows of ``mask`` (N,)."""
 
-    def filter_rows(self, measured: Measured, desired: NDArray, period: float, snap, decisions) -> None:
-        """Write the safe snaps and the decisions.
-
-        Args:
-            measured: flat states, centres, radii and velocities, all finite.
-            desired: (N, 3) finite snaps.
-            period: control period, s.
-            snap: (N, 3), to be written.
-            decisions: (N,) of ``DECISION``; ``fallback`` is set where the desired snap was not finite.
-        """
+    def at(self, period: float) -> Kernels:
+        """What filters at a control period, s."""
+        ...
 
 
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
@@ -119,6 +122,8 @@ class Shield:
         }
         self._method: Method = METHODS[method](self._settings)
         self._size: tuple[int, int] | None = None
+        self._period = math.nan
+        self._kernel: Callable[..., int]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -159,42 +164,48 @@ class Shield:
             ValueError: for wrong shapes, measurements that are not finite, radius < 0, period <= 0,
                 accelerating spheres, or spheres that the method does not take.
         """
-        flats, centers, radii, snaps = map(_as_array, (flat, center, radius, snap))
-        is_single = flats.ndim == 2
-        if is_single:
-            flats, centers, radii, snaps = flats[None], centers[None], radii[None], snaps[None]
-        size = _size_of(flats, centers, radii, snaps)
-        if size is None:
-            raise _shape_error(flat, center, radius, snap)
-        if not (type(period) is float and 0.0 < period < math.inf):
-            period = positive_number("period", period)
+        if period == self._period and velocity is None and acceleration is None:
+            safe, facts = np.empty(self._shape), np.empty(self._facts_shape)
+            try:
+                code = self._kernel(flat, center, radius, self._at_rest, snap, *self._own, safe, facts)
+            except (TypeError, AttributeError):
+                # No arrays of float64 in C order: the careful way makes them so, or says what is wrong.
+                code = BAD_SHAPES
+            if code == DONE:
+                return Filtered(safe, facts)
         if acceleration is not None and np.any(acceleration):
             raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
+        return self._filter_checked(flat, center, radius, snap, period, velocity)
+
+    def _filter_checked(self, flat, center, radius, snap, period, velocity) -> Filtered:
+        flats, centers, radii, snaps = map(_as_array, (flat, center, radius, snap))
+        is_single = flats.ndim == 2
+        size = _size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
+        if size is None:
+            raise _shape_error(flat, center, radius, snap)
+        self._begin(size, is_single, positive_number("period", period))
+        moving = self._at_rest if velocity is None else _velocity_rows(velocity, self._at_rest.shape)
+        safe, facts = np.empty(self._shape), np.empty(self._facts_shape)
+        with compiling(self._kernels.batch, self._kernels.one):
+            code = self._kernel(flats, centers, radii, moving, snaps, *self._own, safe, facts)
+        if code != DONE:
+            raise _error(code, flats, centers, radii, moving)
+        return Filtered(safe, facts)
+
+    def _begin(self, size: tuple[int, int], is_single: bool, period: float) -> None:
+        """Memory at the first call, the kernel for these shapes and this period."""
+        if self._size is None:
+            self._method.allocate(*size)
+            self._at_rest, self._size, self._period = np.zeros((*size, 3)), size, math.nan
         if size != self._size:
-            self._begin(size)
-        moving = self._at_rest if velocity is None else _velocity_rows(velocity, centers.shape)
-        answer = self._filter_rows(Measured(flats, centers, radii, moving), snaps, period)
-        return Filtered(*(field[0] for field in answer)) if is_single else answer
-
-    def _filter_rows(self, measured: Measured, wanted, period: float) -> Filtered:
-        snap, decisions = np.empty(wanted.shape), np.empty(len(wanted), dtype=DECISION)
-        desired = desired_or_braking(measured, wanted, period, decisions)
-        if desired is None:
-            raise _measurement_error(measured)
-        self._method.filter_rows(measured, desired, period, snap, decisions)
-        if not compare_batch(desired, snap, decisions):
-            largest = abs(measured.flat).max()
-            raise ValueError(f"flat must be small enough for float64 arithmetic, got up to {largest:g}")
-        return Filtered(snap, *(decisions[field] for field in Filtered._fields[1:]))
-
-    def _begin(self, size: tuple[int, int]) -> None:
-        if self._size is not None:
             raise ValueError(
                 f"flat and radius must keep their N and K until reset(), got {size} after {self._size}"
             )
-        self._method.allocate(*size)
-        self._at_rest = np.zeros((*size, 3))
-        self._size = size
+        if period != self._period:
+            self._kernels, self._period = self._method.at(period), period
+        leading = () if is_single else size[:1]
+        self._kernel = self._kernels.one if is_single else self._kernels.batch
+        self._own, self._shape, self._facts_shape = self._kernels.own, (*leading, 3), (*leading, FACTS)
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget the rows of ``mask``, or without one everything, the number of plants too.
@@ -206,7 +217,7 @@ class Shield:
             ValueError: for another shape or type.
         """
         if mask is None:
-            self._size = None
+            self._size, self._period = None, math.nan
             return
         rows = np.asarray(mask)
         if rows.ndim != 1 or rows.dtype != np.bool_:
@@ -221,9 +232,11 @@ class Shield:
 def _as_array(value: ArrayLike) -> NDArray[np.float64]:
     """C-ordered float64; what is not a number becomes an empty array, which no shape accepts."""
     try:
-        return np.asarray(value, dtype=np.float64, order="C")
+        array = np.asarray(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         return np.empty(0)
+    # A read-only array is another type to a kernel.
+    return array if array.flags.writeable else array.copy()
 
 
 def _size_of(flat, center, radius, snap) -> tuple[int, int] | None:
@@ -244,11 +257,20 @@ def _shape_error(*values: ArrayLike) -> ValueError:
     )
 
 
-def _measurement_error(measured: Measured) -> ValueError:
-    """The sentence for a measurement that is not usable."""
-    for name, array in measured._asdict().items():
-        finite_array(name, array)
-    return ValueError(f"radius must be >= 0, got {measured.radius.min()}")
+def _error(code: int, flat, center, radius, velocity) -> ValueError:
+    """The sentence for rows that a method does not take."""
+    if code == BAD_MEASUREMENT:
+        for name, array in {"flat": flat, "center": center, "radius": radius, "velocity": velocity}.items():
+            finite_array(name, array)
+        return ValueError(f"radius must be >= 0, got {radius.min()}")
+    if code == MOVING:
+        return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
+    if code == CROWDED:
+        most = np.count_nonzero(radius, axis=-1).max()
+        return ValueError(
+            f"method 'cbf' takes one obstacle, got {most} with radius > 0; several need method 'sampled'"
+        )
+    return ValueError(f"flat must be small enough for float64 arithmetic, got up to {abs(flat).max():g}")
 
 
 def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

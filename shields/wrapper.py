@@ -14,7 +14,19 @@ from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number
 from quadsafe_core.jit import kernel
-from shields.filtered import ROUNDING, Filtered
+from shields.filtered import (
+    CORRECTION,
+    INTERVENED,
+    IS_CERTIFIED,
+    IS_FALLBACK,
+    IS_REFUSED,
+    IS_STOPPED,
+    OBSTACLE,
+    RESERVE,
+    ROUNDING,
+    VALUE,
+    Filtered,
+)
 from shields.shield import Shield
 
 VEHICLE = "vehicle"
@@ -39,22 +51,22 @@ NOTHING_YET = np.array(((0,) * 3, (0,) * 3, 0, np.inf, 0, -1, 0, 0, 0, False, Tr
 
 
 @kernel
-def count_batch(desired, answer, tally):
+def count_batch(desired, snap, facts, tally):
     """Add one control period."""
     for i in range(tally.shape[0]):
-        row = tally[i]
+        row, fact = tally[i], facts[i]
         for axis in range(3):
             row["snap_desired"][axis] = desired[i, axis]
-            row["snap_applied"][axis] = answer.snap[i, axis]
-        if answer.correction[i] > row["correction"]:
-            row["correction"], row["obstacle"] = answer.correction[i], answer.obstacle[i]
-        row["value"] = min(row["value"], answer.value[i])
-        row["reserve"] = max(row["reserve"], answer.reserve[i])
-        row["interventions"] += answer.intervened[i]
-        row["fallbacks"] += answer.fallback[i]
-        row["refusals"] += answer.refused[i]
-        row["stopped"] |= answer.stopped[i]
-        row["certified"] &= answer.certified[i]
+            row["snap_applied"][axis] = snap[i, axis]
+        if fact[CORRECTION] > row["correction"]:
+            row["correction"], row["obstacle"] = fact[CORRECTION], fact[OBSTACLE]
+        row["value"] = min(row["value"], fact[VALUE])
+        row["reserve"] = max(row["reserve"], fact[RESERVE])
+        row["interventions"] += fact[INTERVENED] != 0.0
+        row["fallbacks"] += fact[IS_FALLBACK] != 0.0
+        row["refusals"] += fact[IS_REFUSED] != 0.0
+        row["stopped"] |= fact[IS_STOPPED] != 0.0
+        row["certified"] &= fact[IS_CERTIFIED] != 0.0
 
 
 class Recorder:
@@ -73,7 +85,7 @@ class Recorder:
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
         answer = self.shield.filter(flat, center, radius, snap, period)
-        count_batch(snap, answer, self._tally)
+        count_batch(snap, answer.snap, answer.facts, self._tally)
         self._periods += 1
         return answer
 

@@ -1,0 +1,155 @@
+"""The snap nearest to the desired one in the half-spaces of every sphere, and of the authority.
+
+A half-space enters when the snap is outside of it: most never do, and the others enter exactly.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.jit import inline_kernel, kernel
+from quadsafe_core.vec3 import dot, norm, subtract
+from shields.arcs import Flat, combined, write3
+from shields.certificate import NOTHING, FlightLimits, within_ball
+from shields.filtered import OBSTACLE, RESERVE, VALUE
+from shields.halfspace import Sampling, closing_along, demand_along, distance_demand, excess
+from shields.projection import project
+from shields.radial import line_of_sight, vector
+from shields.within import LIMITS, limit_demand
+
+# A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
+SLACK = 1.0 - 1e-12
+
+
+class JointSettings(NamedTuple):
+    """What the sampled shield keeps, fixed for a period; whether only distances are asked for."""
+
+    sampling: Sampling
+    limits: FlightLimits
+    margin: float
+    closing: tuple
+    gains: tuple
+    braking: tuple
+    is_free: bool
+
+
+class HalfSpaces(NamedTuple):
+    """Half-spaces of one vehicle: of distance (K), of closing (K), of the authority."""
+
+    normals: np.ndarray
+    offsets: np.ndarray
+
+
+@kernel
+def no_half_spaces(count):
+    """Room for the half-spaces among K spheres, none entered."""
+    rows = 2 * count + LIMITS
+    return HalfSpaces(np.zeros((rows, 3)), np.full(rows, -math.inf))
+
+
+@inline_kernel
+def relative_to(x, center, velocity):
+    """The flat state relative to a sphere that moves at constant velocity."""
+    return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
+
+
+@kernel
+def choose_directions(x, wanted, spheres, last, settings, facts):
+    """Pick the normals, note the least value; whether a sphere asks for a correction, and x is outside all."""
+    center, velocity, radius = spheres
+    is_cut, is_outside = False, True
+    for k in range(radius.shape[0]):
+        if radius[k] > 0.0:
+            y = relative_to(x, vector(center[k]), vector(velocity[k]))
+            distance = (1 + settings.margin) * radius[k]
+            demand = distance_demand(y, vector(last[k]), wanted, distance, settings.sampling)
+            write3(last[k], demand.n)
+            facts[VALUE] = min(facts[VALUE], demand.value)
+            is_cut |= excess(demand, wanted) > 0.0
+            is_outside &= norm(y.r) >= radius[k]
+    return is_cut, is_outside
+
+
+@kernel
+def enter(half_spaces, row, demand, u):
+    """Enter a half-space that u is outside of; False if u is inside, or the half-space is in already."""
+    if not excess(demand, u) > 0.0 or half_spaces.offsets[row] > -math.inf:
+        return False
+    write3(half_spaces.normals[row], demand.n)
+    half_spaces.offsets[row] = demand.least
+    return True
+
+
+@kernel
+def note_demand(demand, u, k, most, facts):
+    """Remember the sphere that asks for the largest correction, and the largest input asked for."""
+    facts[RESERVE] = max(facts[RESERVE], demand.least)
+    correction = excess(demand, u)
+    if correction > most:
+        facts[OBSTACLE] = k
+    return max(most, correction)
+
+
+@kernel
+def cut(x, u, spheres, last, settings, half_spaces, facts, most):
+    """Enter the half-spaces that u is outside of, distance and closing of each sphere.
+
+    Returns whether there was one, and the largest correction asked for so far.
+    """
+    center, velocity, radius = spheres
+    count, sampling = radius.shape[0], settings.sampling
+    is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, facts, most)
+    for k in range(count):
+        if radius[k] > 0.0:
+            y = relative_to(x, vector(center[k]), vector(velocity[k]))
+            demand = demand_along(vector(last[k]), y, u, (1 + settings.margin) * radius[k], sampling)
+            if enter(half_spaces, k, demand, u):
+                is_cut, most = True, note_demand(demand, u, k, most, facts)
+            demand = closing_along(line_of_sight(y.r)[1], y, u, settings.closing, sampling)
+            facts[VALUE] = min(facts[VALUE], demand.value)
+            if enter(half_spaces, count + k, demand, u):
+                is_cut, most = True, note_demand(demand, u, k, most, facts)
+    return is_cut, most
+
+
+@kernel
+def cut_by_limits(x, u, sampling, authority, half_spaces, facts, most):
+    """Enter the half-spaces of the authority that u is outside of."""
+    is_cut = False
+    if authority is not None:
+        for limit in range(LIMITS):
+            demand = limit_demand(limit, x, u, sampling, authority)
+            if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS + limit, demand, u):
+                is_cut, most = True, note_demand(demand, u, -1, most, facts)
+    return is_cut, most
+
+
+@kernel
+def shortened(u, half_spaces, snap_max):
+    """A snap of the same half-spaces within the ball, on the way from u to the one nearest to none."""
+    if norm(u) <= snap_max:
+        return u
+    rows = half_spaces.offsets.shape[0]
+    px, py, pz, is_feasible = project(NOTHING, half_spaces.normals, half_spaces.offsets, rows)
+    least = (px, py, pz)
+    if not (is_feasible and norm(least) <= snap_max):
+        return u
+    way = subtract(u, least)
+    a, b, c = dot(way, way), dot(way, least), dot(least, least) - snap_max * snap_max
+    return combined(least, SLACK * max((math.sqrt(max(b * b - a * c, 0.0)) - b) / a, 0.0), way)
+
+
+@kernel
+def nearest_snap(x, wanted, spheres, last, settings, facts):
+    """The nearest snap to the wanted one in every half-space and the ball, and whether there is one."""
+    half_spaces, snap_max = no_half_spaces(spheres[2].shape[0]), settings.limits.snap_max
+    wanted = within_ball(wanted, snap_max)
+    u, is_feasible = wanted, True
+    is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, 0.0)
+    while is_cut and is_feasible:
+        rows = half_spaces.offsets.shape[0]
+        px, py, pz, is_feasible = project(wanted, half_spaces.normals, half_spaces.offsets, rows)
+        u = shortened((px, py, pz), half_spaces, snap_max)
+        is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, most)
+    return u, is_feasible
