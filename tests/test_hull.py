@@ -102,8 +102,8 @@ def test_each_limit_alone_is_noticed():
     assert not clear(fast, h=0.1)  # a snap of 2000 m/s⁴
     assert clear(fast, h=0.1, limits=FREE._replace(stop_snap_max=2001.0))
     assert not clear(hover._replace(a=(0.0, 0.0, -9.0)))
-    rising = hover._replace(a=(0.0, 0.0, 9.5))
-    assert clear(rising) and not clear(rising, limits=BOUND)
+    rising, low = hover._replace(a=(0.0, 0.0, 1.0)), ThrustBand(5.0, 10.5, GRAVITY)
+    assert clear(rising, limits=BOUND) and not clear(rising, limits=BOUND._replace(band=low))
     jerky = hover._replace(j=(43.0, 0.0, 0.0))
     assert clear(jerky, h=0.6) and not clear(jerky, h=0.6, limits=BOUND)
     # A sphere that will come by when the vehicle is long at rest.
