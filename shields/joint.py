@@ -157,10 +157,10 @@ def joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, sa
 
 
 @kernel
-def joint_batch(flat, center, radius, velocity, snap, last, plans, numbers, authority, safe, facts):
+def joint_batch(flat, center, radius, velocity, snap, last, plans, numbers, closing, authority, safe, facts):
     """Rows of ``joint_row``; the first code that is not ``DONE``."""
     code = checked_rows(flat, center, radius, velocity, snap, safe)
-    settings = unpacked(numbers, authority)
+    settings = unpacked(numbers, closing, authority)
     for i in range(safe.shape[0]):
         if code == DONE:
             code = joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, safe, facts)
@@ -168,7 +168,7 @@ def joint_batch(flat, center, radius, velocity, snap, last, plans, numbers, auth
 
 
 @kernel
-def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, authority, safe, facts):
+def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, closing, authority, safe, facts):
     """``joint_batch`` of one vehicle without the leading axis."""
     if not shapes_of_one(flat, center, radius, velocity, snap):
         return BAD_SHAPES
@@ -181,6 +181,7 @@ def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, author
         last,
         plans,
         numbers,
+        closing,
         authority,
         safe.reshape((1, 3)),
         facts.reshape((1, facts.shape[0])),
@@ -188,17 +189,17 @@ def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, author
 
 
 @kernel
-def unpacked(n, authority):
-    """The settings from the array of ``packed``, and the authority or None."""
+def unpacked(n, closing, authority):
+    """The settings from the array of ``packed``; None for bounds that there are not, which is not compiled."""
     band = ThrustBand(n[7], n[8], n[9])
     return JointSettings(
         Sampling(n[0], n[1], n[2], n[3], authority),
         FlightLimits(n[4], n[5], n[6], band),
         n[10],
-        (n[11], n[12], n[13]),
-        (n[14], n[15], n[16], n[17]),
-        (n[18], n[19], n[20]),
-        n[21] != 0.0,
+        closing,
+        (n[11], n[12], n[13], n[14]),
+        (n[15], n[16], n[17]),
+        closing is None and authority is None,
     )
 
 
@@ -223,18 +224,18 @@ class SampledMethod:
         # A stop is stored in whole periods: of another length it would be another stop.
         self._plans["is_stored"] = False
         numbers, kept = packed(self._settings, period)
-        return Kernels(joint_batch, joint_one, (self._normals, self._plans, numbers, kept))
+        closing = closing_bounds(self._settings)
+        bounds = None if max(closing) == -math.inf else closing
+        return Kernels(joint_batch, joint_one, (self._normals, self._plans, numbers, bounds, kept))
 
 
 def packed(settings: Mapping[str, Any], period: float) -> tuple[NDArray[np.float64], Authority | None]:
     """The settings of a shield at a control period, s, for ``unpacked``: arrays cross into a kernel quickly."""
-    gamma, closing = -math.expm1(-settings["alpha"] * period), closing_bounds(settings)
     bounds, kept = free(settings) if settings["authority"] is None else within(settings)
     u_max, input_max, *limits = bounds
-    is_free = kept is None and max(closing) == -math.inf
+    sampling = (u_max, -math.expm1(-settings["alpha"] * period), input_max, period)
     gains = (*held_gains(4, TRACKING_POLE, period), *held_gains(3, BRAKING_POLE, period))
-    sampling = (u_max, gamma, input_max, period)
-    return np.array([*sampling, *limits, settings["margin"], *closing, *gains, is_free], dtype=np.float64), kept
+    return np.array([*sampling, *limits, settings["margin"], *gains]), kept
 
 
 def free(settings: Mapping[str, Any]) -> tuple[tuple[float, ...], None]:

@@ -28,7 +28,7 @@ class JointSettings(NamedTuple):
     sampling: Sampling
     limits: FlightLimits
     margin: float
-    closing: tuple
+    closing: tuple | None
     gains: tuple
     braking: tuple
     is_free: bool
@@ -98,19 +98,28 @@ def cut(x, u, spheres, last, settings, half_spaces, facts, most):
     Returns whether there was one, and the largest correction asked for so far.
     """
     center, velocity, radius = spheres
-    count, sampling = radius.shape[0], settings.sampling
+    sampling = settings.sampling
     is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, facts, most)
-    for k in range(count):
+    for k in range(radius.shape[0]):
         if radius[k] > 0.0:
             y = relative_to(x, vector(center[k]), vector(velocity[k]))
             demand = demand_along(vector(last[k]), y, u, (1 + settings.margin) * radius[k], sampling)
             if enter(half_spaces, k, demand, u):
                 is_cut, most = True, note_demand(demand, u, k, most, facts)
-            demand = closing_along(line_of_sight(y.r)[1], y, u, settings.closing, sampling)
-            facts[VALUE] = min(facts[VALUE], demand.value)
-            if enter(half_spaces, count + k, demand, u):
-                is_cut, most = True, note_demand(demand, u, k, most, facts)
+            cuts, most = cut_closing(k, y, u, settings.closing, sampling, half_spaces, facts, most)
+            is_cut |= cuts
     return is_cut, most
+
+
+@kernel
+def cut_closing(k, y, u, closing, sampling, half_spaces, facts, most):
+    """Enter the half-space that bounds the closing motion of sphere k if u is outside of it."""
+    if closing is not None:
+        demand = closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
+        facts[VALUE] = min(facts[VALUE], demand.value)
+        if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
+            return True, note_demand(demand, u, k, most, facts)
+    return False, most
 
 
 @kernel
