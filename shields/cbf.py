@@ -42,11 +42,10 @@ from shields.filtered import (
     checked_rows,
     closing_bounds,
     shapes_of_one,
-    triple,
     wanted_snap,
 )
 from shields.integrator import lower1, lower2, lower3, lower4, required_input
-from shields.radial import radial_motion, shifted_snap
+from shields.radial import radial_motion, shifted_snap, triple
 
 
 class ClosingBounds(NamedTuple):

@@ -225,23 +225,31 @@ def adopt_stop(plan, x, start, period, spheres, limits):
     return False
 
 
-@kernel
-def accept_at_once(plan, x, snap, period, spheres, share, limits):
+@inline_kernel
+def accept_at_once(i, plan, x, snap, period, center, velocity, radius, share, limits):
     """``accept`` by the quick test, with the segment length of the stored stop."""
     if not norm(snap) <= limits.snap_max:
         return False
     after, choice = flown(x, snap, period), plan["choice"]
     h = periods_of(choice, period) * period
-    if not is_clear_at_once(x, snap, after, h, period, spheres, share, limits):
+    if not is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
         return False
     write_stop(plan, after, NOTHING, choice, period)
     return True
 
 
+@inline_kernel
+def one_row(spheres):
+    """The spheres of one vehicle as a batch of one."""
+    center, velocity, keep_out = spheres
+    k = keep_out.shape[0]
+    return center.reshape((1, k, 3)), velocity.reshape((1, k, 3)), keep_out.reshape((1, k))
+
+
 @kernel
 def accept(plan, x, snap, period, spheres, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
-    if accept_at_once(plan, x, snap, period, spheres, 1.0, limits):
+    if accept_at_once(0, plan, x, snap, period, *one_row(spheres), 1.0, limits):
         return True
     if not (norm(snap) <= limits.snap_max and arc_is_clear(x, snap, 0.0, period, spheres, limits.band)):
         return False

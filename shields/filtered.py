@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, subtract
+from shields.radial import triple
 
 # Pole of the braking feedback on (v, a, j), 1/s.
 BRAKING_POLE = 3.0
@@ -128,12 +129,6 @@ def is_finite(x):
     return math.isfinite(x[0]) and math.isfinite(x[1]) and math.isfinite(x[2])
 
 
-@inline_kernel
-def triple(rows, i, k):
-    """The three numbers of row (i, k)."""
-    return (rows[i, k, 0], rows[i, k, 1], rows[i, k, 2])
-
-
 @kernel
 def shapes_of_one(flat, center, radius, velocity, snap):
     """Whether one plant and its K spheres have the shapes (4, 3), (K, 3), (K,), (1, K, 3), (3,)."""
@@ -165,7 +160,7 @@ def checked_rows(flat, center, radius, velocity, snap, safe):
     return DONE
 
 
-@kernel
+@inline_kernel
 def is_usable(i, flat, center, radius, velocity):
     """Whether every measurement of row i is finite and no radius negative."""
     for order in range(4):
@@ -179,7 +174,7 @@ def is_usable(i, flat, center, radius, velocity):
     return True
 
 
-@kernel
+@inline_kernel
 def wanted_snap(i, flat, snap, gains, facts):
     """Open the facts of row i; the desired snap, or one that brings v, a and j to zero if it is not finite."""
     wanted = (snap[i, 0], snap[i, 1], snap[i, 2])
@@ -202,7 +197,7 @@ def braking(v, a, j, gains):
     )
 
 
-@kernel
+@inline_kernel
 def answer(i, wanted, u, safe, facts):
     """Write down the safe snap of row i, correction, membership, intervention; False if it is not a number."""
     safe[i, 0], safe[i, 1], safe[i, 2] = u

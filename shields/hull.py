@@ -15,7 +15,7 @@ import numpy as np
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import add, dot, norm, scale, subtract
 from shields.arcs import combined
-from shields.radial import vector
+from shields.radial import triple
 
 SEGMENTS = 3
 
@@ -72,13 +72,22 @@ def least_over_period(e0, e1, e2, e3, e4):
 
 
 @inline_kernel
+def point_of_stop(i, e0, drift, V, A, J):
+    """Control point i of a stop seen along a normal: e0 at its start, drift in every segment."""
+    return e0 + 0.25 * i * drift + POSITION[i, 0] * V + POSITION[i, 1] * A + POSITION[i, 2] * J
+
+
+@inline_kernel
 def least_over_stop(e0, drift, V, A, J):
-    """The least control point of a stop seen along a normal: e0 at its start, drift in every segment."""
-    least = e0
-    for i in range(POSITION.shape[0]):
-        point = POSITION[i, 0] * V + POSITION[i, 1] * A + POSITION[i, 2] * J + 0.25 * i * drift
-        least = min(least, e0 + point)
-    return least
+    """The least control point of a stop seen along a normal."""
+    # Four chains of minima side by side, not one.
+    a, b, c, d = e0, e0, e0, e0
+    for i in range(1, POSITION.shape[0], 4):
+        a = min(a, point_of_stop(i, e0, drift, V, A, J))
+        b = min(b, point_of_stop(i + 1, e0, drift, V, A, J))
+        c = min(c, point_of_stop(i + 2, e0, drift, V, A, J))
+        d = min(d, point_of_stop(i + 3, e0, drift, V, A, J))
+    return min(a, b, c, d)
 
 
 @inline_kernel
@@ -93,7 +102,7 @@ def scaled(x, h):
     return Stop(scale(h, x.v), scale(h * h, x.a), scale(h * h * h, x.j), h)
 
 
-@kernel
+@inline_kernel
 def plane_separates(n, keep, gap, velocity, x, snap, after, stop, period):
     """Whether the plane across n keeps the period and the stop after it away from a centre that moves."""
     length, drift, d = norm(n), dot(n, velocity), period
@@ -118,27 +127,37 @@ def moves_away(gap, velocity, keep):
     return norm(combined(gap, -ahead, velocity)) >= keep
 
 
-@kernel
-def spheres_are_clear(x, snap, after, stop, period, spheres, share):
-    """Whether one plane for each sphere keeps period and stop away from it, by a share of its radius."""
-    center, velocity, radius = spheres
+@inline_kernel
+def nearest_on_chord(start, end):
+    """The point of a straight line from start to end that is nearest to the origin."""
+    chord = subtract(end, start)
+    square = dot(chord, chord)
+    share = -dot(start, chord) / square if square > 0.0 else 0.0
+    return combined(start, min(max(share, 0.0), 1.0), chord)
+
+
+@inline_kernel
+def spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share):
+    """Whether one plane for each sphere of row i keeps period and stop away from it, by a share of its radius.
+
+    The plane lies across the direction in which a straight flight to the end of the stop comes nearest.
+    """
     end = add(after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
-            c, drift = vector(center[k]), vector(velocity[k])
-            gap, at_rest = subtract(x.r, c), subtract(end, c)
-            keep = share * radius[k]
-            if not (
-                plane_separates(gap, keep, gap, drift, x, snap, after, stop, period)
-                or plane_separates(at_rest, keep, gap, drift, x, snap, after, stop, period)
-            ):
+    duration = period + SEGMENTS * stop.h
+    for k in range(radius.shape[1]):
+        if radius[i, k] > 0.0:
+            c, drift, keep = triple(center, i, k), triple(velocity, i, k), share * radius[i, k]
+            gap = subtract(x.r, c)
+            at_rest = combined(subtract(end, c), -duration, drift)
+            n = nearest_on_chord(gap, at_rest)
+            if not plane_separates(n, keep, gap, drift, x, snap, after, stop, period):
                 return False
-            if not moves_away(combined(at_rest, -(period + SEGMENTS * stop.h), drift), drift, keep):
+            if drift != (0.0, 0.0, 0.0) and not moves_away(at_rest, drift, keep):
                 return False
     return True
 
 
-@kernel
+@inline_kernel
 def keeps_snap_and_jerk(after, stop, limits):
     """Whether the snaps of the stop, and the jerk at the end of every segment, are short enough."""
     h3 = stop.h * stop.h * stop.h
@@ -151,7 +170,7 @@ def keeps_snap_and_jerk(after, stop, limits):
     return max(first, second) <= limits.jerk_max * h3 and norm(after.j) <= limits.jerk_max
 
 
-@kernel
+@inline_kernel
 def keeps_thrust(x, after, stop, period, band):
     """Whether a level plane keeps the specific thrust above the floor, a ball keeps it below the ceiling."""
     lift, middle = band.gravity, combined(x.a, period / 2.0, x.j)
@@ -171,16 +190,18 @@ def keeps_thrust(x, after, stop, period, band):
 
 
 @kernel
-def is_clear_at_once(x, snap, after, h, period, spheres, share, limits):
+def is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
     """Whether the period and the stop after it, with segments of length h, keep every limit: quick, sufficient.
 
     Args:
+        i: the row.
         x: flat state now.
         snap: held for the period; no longer than its limit.
         after: flat state after the period.
         h: segment length, s.
         period: s.
-        spheres: (center, velocity, radius) of now.
+        center, velocity, radius: the spheres of now, (N, K, 3), (N, K, 3), (N, K). Whole arrays, as every view
+            of a row is counted by its owner, which takes longer than the test.
         share: distance to keep, in radii.
         limits: ``FlightLimits``.
     """
@@ -188,5 +209,5 @@ def is_clear_at_once(x, snap, after, h, period, spheres, share, limits):
     return (
         keeps_snap_and_jerk(after, stop, limits)
         and keeps_thrust(x, after, stop, period, limits.band)
-        and spheres_are_clear(x, snap, after, stop, period, spheres, share)
+        and spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share)
     )

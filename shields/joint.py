@@ -47,12 +47,11 @@ from shields.filtered import (
     checked_rows,
     closing_bounds,
     shapes_of_one,
-    triple,
     wanted_snap,
 )
 from shields.halfspace import Sampling
 from shields.nearest import SLACK, JointSettings, choose_directions, nearest_snap
-from shields.radial import vector
+from shields.radial import triple, vector
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
 # only; at 8 1/s that carried vehicles off their stops at 20 Hz, and from there into the sphere.
@@ -132,27 +131,26 @@ def careful_snap(x, wanted, is_wanted, spheres, last, plan, settings, facts):
 
 
 @kernel
-def joint_snap(x, wanted, is_wanted, spheres, last, plan, settings, facts):
-    """The safe snap of one vehicle for one period; spheres are (center, velocity, radius)."""
-    is_cut, is_outside = choose_directions(x, wanted, spheres, last, settings, facts)
-    if is_wanted and is_outside and settings.is_free and not is_cut:
-        share, period = 1.0 + 0.5 * settings.margin, settings.sampling.period
-        if accept_at_once(plan, x, wanted, period, spheres, share, settings.limits):
-            facts[IS_CERTIFIED] = 1.0
-            return wanted
-    snap, kind = careful_snap(x, wanted, is_wanted, spheres, last, plan, settings, facts)
-    note_kind(facts, kind, is_outside)
-    facts[RESERVE] /= settings.sampling.u_max
-    return snap
-
-
-@kernel
 def joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, safe, facts):
     """Filter row i; ``DONE``, or what is wrong with it."""
-    wanted, spheres = wanted_snap(i, flat, snap, settings.braking, facts), (center[i], velocity[i], radius[i])
+    wanted, period = wanted_snap(i, flat, snap, settings.braking, facts), settings.sampling.period
     x = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
-    is_wanted = facts[i, IS_FALLBACK] == 0.0
-    u = joint_snap(x, wanted, is_wanted, spheres, last[i], plans[i], settings, facts[i])
+    is_cut, is_outside = choose_directions(i, x, wanted, center, velocity, radius, last, settings, facts)
+    is_wanted, share = facts[i, IS_FALLBACK] == 0.0, 1.0 + 0.5 * settings.margin
+    if (
+        is_wanted
+        and is_outside
+        and settings.is_free
+        and not is_cut
+        and accept_at_once(i, plans[i], x, wanted, period, center, velocity, radius, share, settings.limits)
+    ):
+        facts[i, IS_CERTIFIED] = 1.0
+        u = wanted
+    else:
+        spheres = (center[i], velocity[i], radius[i])
+        u, kind = careful_snap(x, wanted, is_wanted, spheres, last[i], plans[i], settings, facts[i])
+        note_kind(facts[i], kind, is_outside)
+        facts[i, RESERVE] /= settings.sampling.u_max
     return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
 
 

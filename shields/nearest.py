@@ -15,7 +15,7 @@ from shields.certificate import NOTHING, FlightLimits, within_ball
 from shields.filtered import OBSTACLE, RESERVE, VALUE
 from shields.halfspace import Sampling, closing_along, demand_along, distance_demand, excess
 from shields.projection import project
-from shields.radial import line_of_sight, vector
+from shields.radial import line_of_sight, triple, vector
 from shields.within import LIMITS, limit_demand
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
@@ -54,20 +54,19 @@ def relative_to(x, center, velocity):
     return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
 
 
-@kernel
-def choose_directions(x, wanted, spheres, last, settings, facts):
+@inline_kernel
+def choose_directions(i, x, wanted, center, velocity, radius, last, settings, facts):
     """Pick the normals, note the least value; whether a sphere asks for a correction, and x is outside all."""
-    center, velocity, radius = spheres
     is_cut, is_outside = False, True
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
-            y = relative_to(x, vector(center[k]), vector(velocity[k]))
-            distance = (1 + settings.margin) * radius[k]
-            demand = distance_demand(y, vector(last[k]), wanted, distance, settings.sampling)
-            write3(last[k], demand.n)
-            facts[VALUE] = min(facts[VALUE], demand.value)
+    for k in range(radius.shape[1]):
+        if radius[i, k] > 0.0:
+            y = relative_to(x, triple(center, i, k), triple(velocity, i, k))
+            distance = (1 + settings.margin) * radius[i, k]
+            demand = distance_demand(y, triple(last, i, k), wanted, distance, settings.sampling)
+            last[i, k, 0], last[i, k, 1], last[i, k, 2] = demand.n
+            facts[i, VALUE] = min(facts[i, VALUE], demand.value)
             is_cut |= excess(demand, wanted) > 0.0
-            is_outside &= norm(y.r) >= radius[k]
+            is_outside &= norm(y.r) >= radius[i, k]
     return is_cut, is_outside
 
 

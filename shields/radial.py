@@ -66,6 +66,12 @@ def vector(row):
 
 
 @inline_kernel
+def triple(rows, i, k):
+    """The three numbers of row (i, k)."""
+    return (rows[i, k, 0], rows[i, k, 1], rows[i, k, 2])
+
+
+@inline_kernel
 def motion_about(flat, center):
     """``radial_motion`` of a flat state (4, 3) about a fixed point (3,)."""
     r = subtract(vector(flat[0]), vector(center))

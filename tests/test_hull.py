@@ -63,8 +63,8 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     center = states[rng.integers(len(states), size=2), 0] + rng.normal(size=(2, 3)) * 1.5
     velocity = rng.normal(size=(2, 3)) * (0.8 if moving else 0.0)
     radius = rng.uniform(0.1, 1.0, 2)
-    spheres = (center, velocity, radius)
-    if not is_clear_at_once(x, snap, flown(x, snap, PERIOD), h, PERIOD, spheres, 1.0, limits):
+    spheres = (center[None], velocity[None], radius[None])
+    if not is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits):
         return
     # Rounding of the control points.
     later = np.concatenate([times, times[-1] + np.linspace(0.0, 20.0, 200)])
@@ -81,18 +81,18 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
 
 def test_most_slow_flights_in_the_open_are_clear_at_once():
     rng, count = np.random.default_rng(1), 0
-    far = (np.array([[30.0, 0.0, 0.0]]), np.zeros((1, 3)), np.array([1.0]))
+    far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))
     for _ in range(200):
         x = state(rng, 0.3)
-        count += is_clear_at_once(x, NOTHING, flown(x, NOTHING, PERIOD), 0.4, PERIOD, far, 1.0, FREE)
+        count += is_clear_at_once(0, x, NOTHING, flown(x, NOTHING, PERIOD), 0.4, PERIOD, *far, 1.0, FREE)
     assert count >= 190
 
 
 @pytest.mark.interpreted
 def test_each_limit_alone_is_noticed():
     def clear(x, snap=NOTHING, h=0.4, limits=FREE, center=(30.0, 0.0, 0.0), velocity=NOTHING):
-        spheres = (np.array([center]), np.array([velocity]), np.array([1.0]))
-        return is_clear_at_once(x, snap, flown(x, snap, PERIOD), h, PERIOD, spheres, 1.0, limits)
+        spheres = (np.array([[center]]), np.array([[velocity]]), np.ones((1, 1)))
+        return is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits)
 
     hover = Flat(NOTHING, NOTHING, NOTHING, NOTHING)
     fast = hover._replace(v=(1.0, 0.0, 0.0))
