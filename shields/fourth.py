@@ -78,9 +78,8 @@ def _stationary(x1, x2, x3, u_max):
     m = _isolated(X, 2.0 * abs(Q))
     isolated = math.copysign(m, tie - Q) - B
     square = -0.75 * m * m - X
-    largest = 0.5 * m + math.sqrt(_larger(square, 0.0)) - B
     is_largest = (isolated < 0.0) & (tie < Q) & (square > 0.0)
-    t = largest if is_largest else isolated
+    t = 0.5 * m + math.sqrt(square) - B if is_largest else isolated
     is_sure = (_smaller(abs(isolated), abs(t)) > UNSURE * m) & (abs(square) > UNSURE * m * m)
     is_sure = is_sure & (m > 1e-25) & (m < 1e60) & (u_max > 1e-200) & (u_max < 1e200)
     bend = 3.0 * (t + B)

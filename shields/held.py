@@ -27,18 +27,37 @@ def derivatives(order, x, u):
 @inline_kernel
 def polynomial(y):
     """x_n as a polynomial in t."""
-    return (y[0] / 24.0, y[1] / 6.0, 0.5 * y[2], y[3], y[4])
+    return (y[0] * (1.0 / 24.0), y[1] * (1.0 / 6.0), 0.5 * y[2], y[3], y[4])
 
 
-@kernel
+@inline_kernel
 def state_after(y, t):
     """The state after a time t, from its derivatives."""
+    p = polynomial(y)
     return (
         y[1] + t * y[0],
-        y[2] + t * (y[1] + t * y[0] / 2.0),
-        y[3] + t * (y[2] + t * (y[1] / 2.0 + t * y[0] / 6.0)),
-        y[4] + t * (y[3] + t * (y[2] / 2.0 + t * (y[1] / 6.0 + t * y[0] / 24.0))),
+        y[2] + t * (y[1] + t * (0.5 * y[0])),
+        y[3] + t * (y[2] + t * (0.5 * y[1] + t * (4.0 * p[0]))),
+        y[4] + t * (y[3] + t * (p[2] + t * (p[1] + t * p[0]))),
     )
+
+
+@inline_kernel
+def lift_after(order, period):
+    """How much of every coordinate after a period is due to one unit of the input held for it."""
+    w = (
+        period,
+        period * period / 2.0,
+        period * period * period / 6.0,
+        period * period * period * period / 24.0,
+    )
+    if order == 4:
+        return w
+    if order == 3:
+        return (0.0, w[0], w[1], w[2])
+    if order == 2:
+        return (0.0, 0.0, w[0], w[1])
+    return (0.0, 0.0, 0.0, w[0])
 
 
 @kernel
@@ -62,6 +81,18 @@ def _may_dip(y, period):
         (y[3] < 0.0 and max(first, second, third) > 0.0)
         or (first < 0.0 and max(second, third) > 0.0)
         or (second < 0.0 and third > 0.0)
+    )
+
+
+@kernel
+def stays_above(y, period, level):
+    """Whether the Bernstein coefficients of x_n over a period, but the last, are at or above a level."""
+    a, b, c = 0.25 * period * y[3], period * period * y[2] / 12.0, period * period * period * y[1] / 24.0
+    return (
+        y[4] >= level
+        and y[4] + a >= level
+        and y[4] + 2.0 * a + b >= level
+        and y[4] + 3.0 * (a + b) + c >= level
     )
 
 
