@@ -23,6 +23,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quadsafe_core.borrow import borrowed
 from quadsafe_core.checks import finite_number, positive_number
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.held import (
@@ -186,6 +187,7 @@ def _padded(row):
 @kernel
 def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
     """Rows of ``held_lower``."""
+    x = borrowed(x)
     for i in range(x.shape[0]):
         value[i], t_star[i] = held_lower(x.shape[1], _padded(x[i]), u[i], period, u_max[i], bound[i])
 
@@ -193,6 +195,7 @@ def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
 @kernel
 def sampled_input_batch(x, desired, u_max, bound, period, gamma, reserve, u, in_set):
     """Rows of ``required``."""
+    x = borrowed(x)
     for i in range(x.shape[0]):
         u[i], _, in_set[i] = required(
             x.shape[1], _padded(x[i]), u_max[i], bound[i], period, gamma, desired[i], reserve * u_max[i]
