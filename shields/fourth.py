@@ -81,7 +81,7 @@ def _stationary(x1, x2, x3, u_max):
     is_largest = (isolated < 0.0) & (tie < Q) & (square > 0.0)
     t = 0.5 * m + math.sqrt(square) - B if is_largest else isolated
     is_sure = (_smaller(abs(isolated), abs(t)) > UNSURE * m) & (abs(square) > UNSURE * m * m)
-    is_sure = is_sure & (m > 1e-25) & (m < 1e60) & (u_max > 1e-200) & (u_max < 1e200)
+    is_sure = is_sure & (m > 1e-25) & (u_max > 1e-200)
     bend = 3.0 * (t + B)
     slope = (bend + 3.0 * B) * t + 3.0 * C
     speed = ((t + 3.0 * B) * t + 3.0 * C) * t + 2.0 * D
