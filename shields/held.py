@@ -15,13 +15,13 @@ from shields.polynomials import cubic_roots, evaluate
 @inline_kernel
 def derivatives(order, x, u):
     """Derivatives of x_n under a held input, from the fourth down to x_n itself."""
-    if order == 4:
-        return (u, x[0], x[1], x[2], x[3])
-    if order == 3:
-        return (0.0, u, x[1], x[2], x[3])
-    if order == 2:
-        return (0.0, 0.0, u, x[2], x[3])
-    return (0.0, 0.0, 0.0, u, x[3])
+    return (
+        u if order == 4 else 0.0,
+        u if order == 3 else x[0],
+        u if order == 2 else x[1],
+        u if order == 1 else x[2],
+        x[3],
+    )
 
 
 @inline_kernel
@@ -45,19 +45,13 @@ def state_after(y, t):
 @inline_kernel
 def lift_after(order, period):
     """How much of every coordinate after a period is due to one unit of the input held for it."""
-    w = (
-        period,
-        period * period / 2.0,
-        period * period * period / 6.0,
-        period * period * period * period / 24.0,
+    a, b, c, d, _ = polynomial(derivatives(order, (0.0, 0.0, 0.0, 0.0), 1.0))
+    return (
+        period * (24.0 * a),
+        period * (6.0 * b + period * (12.0 * a)),
+        period * (2.0 * c + period * (3.0 * b + period * (4.0 * a))),
+        period * (d + period * (c + period * (b + period * a))),
     )
-    if order == 4:
-        return w
-    if order == 3:
-        return (0.0, w[0], w[1], w[2])
-    if order == 2:
-        return (0.0, 0.0, w[0], w[1])
-    return (0.0, 0.0, 0.0, w[0])
 
 
 @kernel
@@ -87,13 +81,9 @@ def _may_dip(y, period):
 @kernel
 def stays_above(y, period, level):
     """Whether the Bernstein coefficients of x_n over a period, but the last, are at or above a level."""
-    a, b, c = 0.25 * period * y[3], period * period * y[2] / 12.0, period * period * period * y[1] / 24.0
-    return (
-        y[4] >= level
-        and y[4] + a >= level
-        and y[4] + 2.0 * a + b >= level
-        and y[4] + 3.0 * (a + b) + c >= level
-    )
+    p = polynomial(y)
+    a, b, c = 0.25 * period * p[3], period * period * p[2] * (1.0 / 6.0), 0.25 * period * period * period * p[1]
+    return y[4] + min(0.0, a, 2.0 * a + b, 3.0 * (a + b) + c) >= level
 
 
 @kernel

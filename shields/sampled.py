@@ -67,9 +67,15 @@ def _is_above(x4, x3, x2, x1, u_max, t):
         least = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
     else:
         least = 0.5 * x2 - x1 * x1 / (6.0 * u_max)
-    if t == 0.0:
-        x3 = min(x3, 0.0)
-    return x4 >= 0.0 and least >= 0.0 and 4.0 * least * x4 >= x3 * x3
+    if not x4 >= 0.0:
+        return False
+    if t > 0.0 or x3 < 0.0:
+        return least >= 0.0 and 4.0 * least * x4 >= x3 * x3
+    if least >= 0.0 or u_max == 0.0:
+        return least >= 0.0
+    # It rises, and the bracket is below 0 up to this time only.
+    ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / u_max
+    return x4 + ahead * (x3 + least * ahead) >= 0.0
 
 
 @kernel
@@ -134,17 +140,16 @@ def _newton(order, x, p, u, period, u_max, dip_target, tail_target):
 @kernel
 def _least_input(order, x, p, t, period, u_max, dip_target, tail_target, lowest, highest):
     """Least input in ``[lowest, highest]`` that reaches the targets; ``highest`` where none is found."""
-    u = _newton(order, x, p, lowest, period, u_max, dip_target, tail_target)
-    if u == lowest:
-        return u
-    u = max(u, _needed_later(order, p, t, period, u_max, tail_target))
-    for _ in range(ITERATIONS):
-        if not u < highest:
-            break
+    u = lowest
+    for k in range(ITERATIONS):
         last = u
         u = _newton(order, x, p, u, period, u_max, dip_target, tail_target)
         if u == last:
             return u
+        if k == 0:
+            u = max(u, _needed_later(order, p, t, period, u_max, tail_target))
+        if not u < highest:
+            break
     return highest
 
 
