@@ -2,8 +2,11 @@
 
     minimise ‖u − u_des‖²   subject to   n_i · u ≥ b_i,   i = 1 … K
 
-The half-spaces are taken in one at a time. Where one cuts off the optimum of those before it, the new
-optimum lies on its plane: a problem of one dimension less over the half-spaces before it, which goes on
+Mostly a few planes matter, at a wide angle: then the plane that cuts most is taken in, and another one left out
+if the answer would be pulled onto it, until no plane cuts. That takes one scan of the planes for each active one.
+
+Otherwise the half-spaces are taken in one at a time. Where one cuts off the optimum of those before it, the
+new optimum lies on its plane: a problem of one dimension less over the half-spaces before it, which goes on
 to a line and there to an interval (Seidel, 1991). The work is bounded by K³/6 interval cuts whatever the
 rounding does, so there is no iteration limit; typically a few K suffice.
 """
@@ -130,15 +133,6 @@ def _nearest(desired, normals, offsets, count):
     return point, is_feasible
 
 
-@kernel
-def _nearest_from_afar(desired, normals, offsets, count):
-    """Seidel's nearest point, and once more from close by: there the same planes are met more sharply."""
-    point, is_feasible = _nearest(desired, normals, offsets, count)
-    if is_feasible and point != desired:
-        point, is_feasible = _nearest(point, normals, offsets, count)
-    return point, is_feasible
-
-
 @inline_kernel
 def _on_two(first, second):
     """Correction that takes in a second plane, the planes that it is pushed off, and whether that is plain."""
@@ -209,8 +203,11 @@ def project(desired, normals, offsets, count):
         if not is_plain:
             break
         point = add(desired, correction)
-    if not is_solved or reach > FAR * _reach(point):
-        point, is_solved = _nearest_from_afar(desired, normals, offsets, count)
+    if not is_solved:
+        point, is_solved = _nearest(desired, normals, offsets, count)
+    if is_solved and reach > FAR * _reach(point):
+        # The rounding was that of a far ``desired``; from close by the same planes are met more sharply.
+        point, is_solved = _nearest(point, normals, offsets, count)
     return point[0], point[1], point[2], is_solved and _reach(point) <= LARGEST
 
 
