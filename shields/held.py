@@ -15,29 +15,42 @@ from shields.polynomials import cubic_roots, evaluate
 @inline_kernel
 def derivatives(order, x, u):
     """Derivatives of x_n under a held input, from the fourth down to x_n itself."""
-    if order == 4:
-        return (u, x[0], x[1], x[2], x[3])
-    if order == 3:
-        return (0.0, u, x[1], x[2], x[3])
-    if order == 2:
-        return (0.0, 0.0, u, x[2], x[3])
-    return (0.0, 0.0, 0.0, u, x[3])
+    return (
+        u if order == 4 else 0.0,
+        u if order == 3 else x[0],
+        u if order == 2 else x[1],
+        u if order == 1 else x[2],
+        x[3],
+    )
 
 
 @inline_kernel
 def polynomial(y):
     """x_n as a polynomial in t."""
-    return (y[0] / 24.0, y[1] / 6.0, 0.5 * y[2], y[3], y[4])
+    return (y[0] * (1.0 / 24.0), y[1] * (1.0 / 6.0), 0.5 * y[2], y[3], y[4])
 
 
-@kernel
+@inline_kernel
 def state_after(y, t):
     """The state after a time t, from its derivatives."""
+    p = polynomial(y)
     return (
         y[1] + t * y[0],
-        y[2] + t * (y[1] + t * y[0] / 2.0),
-        y[3] + t * (y[2] + t * (y[1] / 2.0 + t * y[0] / 6.0)),
-        y[4] + t * (y[3] + t * (y[2] / 2.0 + t * (y[1] / 6.0 + t * y[0] / 24.0))),
+        y[2] + t * (y[1] + t * (0.5 * y[0])),
+        y[3] + t * (y[2] + t * (0.5 * y[1] + t * (4.0 * p[0]))),
+        y[4] + t * (y[3] + t * (p[2] + t * (p[1] + t * p[0]))),
+    )
+
+
+@inline_kernel
+def lift_after(order, period):
+    """How much of every coordinate after a period is due to one unit of the input held for it."""
+    a, b, c, d, _ = polynomial(derivatives(order, (0.0, 0.0, 0.0, 0.0), 1.0))
+    return (
+        period * (24.0 * a),
+        period * (6.0 * b + period * (12.0 * a)),
+        period * (2.0 * c + period * (3.0 * b + period * (4.0 * a))),
+        period * (d + period * (c + period * (b + period * a))),
     )
 
 
@@ -63,6 +76,14 @@ def _may_dip(y, period):
         or (first < 0.0 and max(second, third) > 0.0)
         or (second < 0.0 and third > 0.0)
     )
+
+
+@kernel
+def stays_above(y, period, level):
+    """Whether the Bernstein coefficients of x_n over a period, but the last, are at or above a level."""
+    p = polynomial(y)
+    a, b, c = 0.25 * period * p[3], period * period * p[2] * (1.0 / 6.0), 0.25 * period * period * period * p[1]
+    return y[4] + min(0.0, a, 2.0 * a + b, 3.0 * (a + b) + c) >= level
 
 
 @kernel

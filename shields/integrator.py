@@ -15,17 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from quadsafe_core.borrow import borrowed
 from quadsafe_core.jit import inline_kernel, kernel
-from shields.polynomials import (
-    LARGEST,
-    ROUNDING,
-    cubic_roots,
-    quadratic_roots,
-    quartic_roots,
-    roots_from_stationary,
-    scaled_sum,
-    times_power_of_two,
-)
+from shields.fourth import lower4, lower4_batch
+from shields.least import better, margin
+from shields.polynomials import LARGEST, cubic_roots, quadratic_roots, quartic_roots, roots_from_stationary
 from shields.rows import Array, state_rows
 
 
@@ -41,9 +35,9 @@ def lower2(x1, x2, u_max, bound):
     if x1 >= 0.0:
         return x2 - bound, 0.0
     t = min(-x1 / u_max, LARGEST)
-    p = (0.5 * u_max, x1)
-    rise, t_star = _better(p, t, 0.0, 0.0)
-    return _value(p, x2, bound, rise, t_star), t_star
+    p = (0.0, 0.0, 0.5 * u_max, x1)
+    rise, t_star = better(p, t, 0.0, 0.0)
+    return margin(p, x2, bound, rise, t_star), t_star
 
 
 @kernel
@@ -51,22 +45,10 @@ def lower3(x1, x2, x3, u_max, bound):
     """(21) by Prop. 2: g_3 and t_star."""
     if x1 >= 0.0 and x2 >= 0.0:
         return x3 - bound, 0.0
-    p = (u_max / 6.0, 0.5 * x1, x2)
+    p = (0.0, u_max / 6.0, 0.5 * x1, x2)
     _, t2 = quadratic_roots(0.5 * u_max, x1, x2)
-    rise, t_star = _better(p, t2, 0.0, 0.0)
-    return _value(p, x3, bound, rise, t_star), t_star
-
-
-@kernel
-def lower4(x1, x2, x3, x4, u_max, bound):
-    """(8) by Prop. 3: g_4 and t_star."""
-    if x1 >= 0.0 and x2 >= 0.0 and x3 >= 0.0:
-        return x4 - bound, 0.0
-    p = (u_max / 24.0, x1 / 6.0, 0.5 * x2, x3)
-    t1, _, t3 = cubic_roots(u_max / 6.0, 0.5 * x1, x2, x3)
-    rise, t_star = _better(p, t1, 0.0, 0.0)
-    rise, t_star = _better(p, t3, rise, t_star)
-    return _value(p, x4, bound, rise, t_star), t_star
+    rise, t_star = better(p, t2, 0.0, 0.0)
+    return margin(p, x3, bound, rise, t_star), t_star
 
 
 @kernel
@@ -74,11 +56,11 @@ def lower5(x1, x2, x3, x4, x5, u_max, bound):
     """(8): g_5 and t_star."""
     p = (u_max / 120.0, x1 / 24.0, x2 / 6.0, 0.5 * x3, x4)
     t1, t2, t3, t4 = quartic_roots(u_max / 24.0, x1 / 6.0, 0.5 * x2, x3, x4)
-    rise, t_star = _better(p, t1, 0.0, 0.0)
-    rise, t_star = _better(p, t2, rise, t_star)
-    rise, t_star = _better(p, t3, rise, t_star)
-    rise, t_star = _better(p, t4, rise, t_star)
-    return _value(p, x5, bound, rise, t_star), t_star
+    rise, t_star = better(p, t1, 0.0, 0.0)
+    rise, t_star = better(p, t2, rise, t_star)
+    rise, t_star = better(p, t3, rise, t_star)
+    rise, t_star = better(p, t4, rise, t_star)
+    return margin(p, x5, bound, rise, t_star), t_star
 
 
 @kernel
@@ -115,8 +97,8 @@ def _lower_beyond_5(x, u_max, bound, work):
     _flow_polynomial(x, u_max, n, p)
     rise, t_star = 0.0, 0.0
     for k in range(count):
-        rise, t_star = _better(p, times[k], rise, t_star)
-    return _value(p, x[n - 1], bound, rise, t_star), t_star
+        rise, t_star = better(p, times[k], rise, t_star)
+    return margin(p, x[n - 1], bound, rise, t_star), t_star
 
 
 @kernel
@@ -127,42 +109,6 @@ def _flow_polynomial(x, u_max, k, p):
         if i < len(p):
             p[i] = (x[i - 1] if i > 0 else u_max) / factorial
         factorial *= k + 1 - i
-
-
-@inline_kernel
-def _better(p, t, rise, t_star):
-    """The lower of a rise so far and that at a later candidate t; within rounding the later time counts."""
-    if not t > 0.0:
-        return rise, t_star
-    candidate, size = _rise(p, t)
-    if candidate <= rise + ROUNDING * size:
-        return min(candidate, rise), t
-    return rise, t_star
-
-
-@inline_kernel
-def _rise(p, t):
-    """``p[0] t^m + … + p[m-1] t``: how far x_n has risen at t, and the sum of the sizes of the terms."""
-    value, size = 0.0, 0.0
-    for i in range(len(p)):
-        value = (value + p[i]) * t
-        size = (size + abs(p[i])) * t
-    if size <= LARGEST:
-        return value, size
-    value, size, e = scaled_sum(p, t, 0.0, 0.0)
-    return times_power_of_two(value, e), min(times_power_of_two(size, e), LARGEST)
-
-
-@inline_kernel
-def _value(p, x_n, bound, rise, t_star):
-    """``x_n + rise - bound``, also where only the sum of the terms fits a float."""
-    value = (x_n - bound) + rise
-    if abs(value) <= LARGEST or t_star == 0.0:
-        return value
-    if bound == -math.inf:
-        return math.inf
-    value, _, e = scaled_sum(p, t_star, x_n, bound)
-    return times_power_of_two(value, e)
 
 
 @kernel
@@ -200,9 +146,39 @@ def required_input(order, t_star, value, u_max, alpha):
 
 
 @kernel
+def lower1_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_1 and t_star of states (N, 1), flat."""
+    for i in range(len(value)):
+        value[i], t_star[i] = lower1(x[i], bound[i])
+
+
+@kernel
+def lower2_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_2 and t_star of states (N, 2), flat."""
+    for i in range(len(value)):
+        value[i], t_star[i] = lower2(x[2 * i], x[2 * i + 1], u_max[i], bound[i])
+
+
+@kernel
+def lower3_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_3 and t_star of states (N, 3), flat."""
+    for i in range(len(value)):
+        value[i], t_star[i] = lower3(x[3 * i], x[3 * i + 1], x[3 * i + 2], u_max[i], bound[i])
+
+
+@kernel
+def lower5_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_5 and t_star of states (N, 5), flat."""
+    for i in range(len(value)):
+        k = 5 * i
+        x1, x2, x3, x4, x5 = x[k], x[k + 1], x[k + 2], x[k + 3], x[k + 4]
+        value[i], t_star[i] = lower5(x1, x2, x3, x4, x5, u_max[i], bound[i])
+
+
+@kernel
 def lower_batch(x, u_max, bound, value, t_star):
-    """Row by row: g_n and t_star of states (N, n)."""
-    work = np.empty((3, x.shape[1]))
+    """Row by row: g_n and t_star of states (N, n), any order."""
+    x, work = borrowed(x), np.empty((3, x.shape[1]))
     for i in range(x.shape[0]):
         value[i], t_star[i] = lower_row(x[i], u_max[i], bound[i], work)
 
@@ -218,10 +194,18 @@ def flow_batch(x, u, t, out):
             out[i, k] = value
 
 
+# A flat array is indexed without taking a row of it, and vector lanes need one.
+BATCHES = {1: lower1_batch, 2: lower2_batch, 3: lower3_batch, 4: lower4_batch, 5: lower5_batch}
+
+
 def least_values(rows: Array, u_max: Array, bound: Array) -> tuple[Array, Array]:
     """g_n and t_star of states (N, n)."""
     value, t_star = np.empty_like(bound), np.empty_like(bound)
-    lower_batch(rows, u_max, bound, value, t_star)
+    batch = BATCHES.get(rows.shape[1])
+    if batch is None:
+        lower_batch(rows, u_max, bound, value, t_star)
+    else:
+        batch(rows.reshape(-1), u_max, bound, value, t_star)
     return value, t_star
 
 

@@ -23,7 +23,7 @@ def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[in
     if not any(shapes):
         return [_spread(x, (order,)).reshape(1, order), *(array.reshape(1) for array in arrays)], ()
     try:
-        shape = np.broadcast_shapes(*shapes)
+        shape = shapes[0] if all(s in ((), shapes[0]) for s in shapes) else np.broadcast_shapes(*shapes)
     except ValueError as error:
         named = ", ".join(map(str, shapes))
         raise ValueError(f"x, {', '.join(others)} must have leading shapes that fit, got {named}") from error
@@ -35,6 +35,8 @@ def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     """``array`` broadcast to a shape, writable: kernels would compile once more for read-only arrays."""
     if array.shape == shape and array.flags.writeable:
         return array
+    if array.ndim == 0:
+        return np.full(shape, array)
     return np.broadcast_to(array, shape).copy()
 
 

@@ -23,9 +23,20 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quadsafe_core.borrow import borrowed
 from quadsafe_core.checks import finite_number, positive_number
 from quadsafe_core.jit import inline_kernel, kernel
-from shields.held import derivatives, held_lower, lower, lower_parts, polynomial, weight
+from shields.held import (
+    derivatives,
+    held_lower,
+    lift_after,
+    lower,
+    lower_parts,
+    polynomial,
+    state_after,
+    stays_above,
+    weight,
+)
 from shields.polynomials import evaluate
 from shields.rows import state_rows
 
@@ -33,38 +44,79 @@ from shields.rows import state_rows
 ROUNDING = 4e-15
 # Down to this share of its largest terms a negative g_n counts as 0: states drift that far along the boundary.
 DRIFT = 1e-12
-# From far below Newton gains a factor 4/3 a step; the start near the answer leaves 2 to 10 steps.
+# From far below Newton gains a factor 4/3 a step where the time of least x_n jumps.
 ITERATIONS = 60
-DESCENTS = 4
+# Newton for the input and the time at once doubles its digits: 2 to 5 rounds.
+ROUNDS = 10
+
+
+@inline_kernel
+def _size(p, t):
+    """Sum of the sizes of the terms of x_n(t)."""
+    return (((abs(p[0]) * t + abs(p[1])) * t + abs(p[2])) * t + abs(p[3])) * t + abs(p[4])
+
+
+@inline_kernel
+def _is_above(x4, x3, x2, x1, u_max, t):
+    """Whether no x_4 before, after or at the time t of the state is below 0; u_max is 0 but for order 4.
+
+    A time h later it is ``x_4 + x_3 h + h² (x_2/2 + x_1 h/6 + u_max h²/24)``, and the least of the bracket over
+    h >= -t makes that a parabola.
+    """
+    if 2.0 * x1 >= u_max * t:
+        least = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
+    else:
+        least = 0.5 * x2 - x1 * x1 / (6.0 * u_max)
+    if not x4 >= 0.0:
+        return False
+    if t > 0.0 or x3 < 0.0:
+        return least >= 0.0 and 4.0 * least * x4 >= x3 * x3
+    if least >= 0.0 or u_max == 0.0:
+        return least >= 0.0
+    # It rises, and the bracket is below 0 up to this time only.
+    ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / u_max
+    return x4 + ahead * (x3 + least * ahead) >= 0.0
 
 
 @kernel
-def _needed_at(order, p, t, period, u_max, target):
-    """Least U with x_n(t) >= target, less rounding; ``p`` is x_n under u_max."""
-    value, _, size = evaluate(p, t)
-    return u_max - (value - target + ROUNDING * size) / weight(order, t, period)
+def _touching(order, x, p, t_star, period, u_max, target, lowest, highest):
+    """Newton for the input and the time at which its tail touches the target; whether that is certain.
+
+    No admissible input lies between ``lowest`` and the answer, certain or not.
+    """
+    y, lift = derivatives(order, x, u_max), lift_after(order, period)
+    u, t = lowest, max(t_star, period)
+    for _ in range(ROUNDS):
+        most = state_after(y, t)
+        slope = state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
+        noise = ROUNDING * _size(p, t)
+        room = most[3] - target
+        if room + noise < (u_max - u) * slope[3]:
+            u = u_max - (room - 2.0 * noise) / slope[3]
+            u += ROUNDING * abs(u)
+            if u >= highest:
+                return highest, True
+        lack = u_max - u
+        speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
+        room -= lack * slope[3] + noise
+        if _is_above(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
+            return u, True
+        if not bend > 0.0:
+            break
+        t = max(period, t - speed / bend)
+    return u, False
 
 
 @kernel
-def _needed_near(order, p, t, period, u_max, target):
-    """A bound on U from times t, 2t, 4t, … as long as they raise it, then by descent along t >= Δ."""
-    best = _needed_at(order, p, t, period, u_max, target)
+def _needed_later(order, p, t, period, u_max, target):
+    """A bound on the input from times t, 2t, 4t, … as long as they raise it; ``p`` is x_n under u_max."""
+    best = -math.inf
     for _ in range(ITERATIONS):
-        needed = _needed_at(order, p, 2.0 * t, period, u_max, target)
+        value, _, size = evaluate(p, t)
+        needed = u_max - (value - target + ROUNDING * size) / weight(order, t, period)
         if not needed > best:
             break
         best, t = needed, 2.0 * t
-    for _ in range(DESCENTS):
-        missing = u_max - best
-        _, slope, _ = evaluate(p, t)
-        bend = (12.0 * p[0] * t + 6.0 * p[1]) * t + 2.0 * p[2] - missing * weight(order - 2, t, period)
-        if not bend > 0.0:
-            break
-        t = max(period, t - (slope - missing * weight(order - 1, t, period)) / bend)
-        needed = _needed_at(order, p, t, period, u_max, target)
-        if not needed > best:
-            break
-        best = needed
     return best
 
 
@@ -73,8 +125,7 @@ def _rise_at(order, p, t, period, u, missing):
     """Rise of U that lifts x_n(t) by ``missing`` and a rounding; 0 if nothing is missing."""
     if missing <= 0.0:
         return 0.0
-    _, _, size = evaluate(p, t)
-    return (missing + ROUNDING * size) / weight(order, t, period) + ROUNDING * abs(u)
+    return (missing + ROUNDING * _size(p, t)) / weight(order, t, period) + ROUNDING * abs(u)
 
 
 @kernel
@@ -90,18 +141,15 @@ def _newton(order, x, p, u, period, u_max, dip_target, tail_target):
 def _least_input(order, x, p, t, period, u_max, dip_target, tail_target, lowest, highest):
     """Least input in ``[lowest, highest]`` that reaches the targets; ``highest`` where none is found."""
     u = lowest
-    if u >= _needed_at(order, p, t, period, u_max, tail_target):
-        u = _newton(order, x, p, u, period, u_max, dip_target, tail_target)
-        if u == lowest:
-            return u
-    u = max(u, _needed_near(order, p, t, period, u_max, tail_target))
-    for _ in range(ITERATIONS):
-        if not u < highest:
-            break
+    for k in range(ITERATIONS):
         last = u
         u = _newton(order, x, p, u, period, u_max, dip_target, tail_target)
         if u == last:
             return u
+        if k == 0:
+            u = max(u, _needed_later(order, p, t, period, u_max, tail_target))
+        if not u < highest:
+            break
     return highest
 
 
@@ -115,15 +163,18 @@ def required(order, x, u_max, bound, period, gamma, floor_input, input_max):
     x = (x[0], x[1], x[2], x[3] - bound)
     value, t_star = lower(order, x, u_max)
     p = polynomial(derivatives(order, x, u_max))
-    _, _, size = evaluate(p, t_star)
-    is_inside = value >= -(drift + DRIFT * size)
+    is_inside = value >= -(drift + DRIFT * _size(p, t_star))
     dip_target = (1.0 - gamma) * value if value >= 0.0 else value
     tail_target = dip_target if is_inside else (1.0 - gamma) * value
     highest = u_max if is_inside else input_max
     if floor_input >= highest:
         return floor_input, value, is_inside
+    u, is_certain = _touching(order, x, p, t_star, period, u_max, tail_target, floor_input, highest)
+    noise = ROUNDING * _size(p, period)
+    if is_certain and (u == highest or stays_above(derivatives(order, x, u), period, dip_target + noise)):
+        return u, value, is_inside
     t = max(t_star, period)
-    u = _least_input(order, x, p, t, period, u_max, dip_target, tail_target, floor_input, highest)
+    u = _least_input(order, x, p, t, period, u_max, dip_target, tail_target, u, highest)
     return u, value, is_inside
 
 
@@ -141,6 +192,7 @@ def _padded(row):
 @kernel
 def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
     """Rows of ``held_lower``."""
+    x = borrowed(x)
     for i in range(x.shape[0]):
         value[i], t_star[i] = held_lower(x.shape[1], _padded(x[i]), u[i], period, u_max[i], bound[i])
 
@@ -148,6 +200,7 @@ def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
 @kernel
 def sampled_input_batch(x, desired, u_max, bound, period, gamma, reserve, u, in_set):
     """Rows of ``required``."""
+    x = borrowed(x)
     for i in range(x.shape[0]):
         u[i], _, in_set[i] = required(
             x.shape[1], _padded(x[i]), u_max[i], bound[i], period, gamma, desired[i], reserve * u_max[i]

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.held import held_lower
+from shields.held import held_lower, stays_above
 from shields.integrator import lower4, lower_value
 from shields.integrator import required_input as continuous_input
-from shields.sampled import required, sampled_input, sampled_value
+from shields.sampled import _is_above, required, sampled_input, sampled_value
 
 U_MAX = 20.0
 BOUND = 1.0
@@ -121,6 +121,36 @@ def test_slope_of_the_value_is_the_difference_of_powers(order):
     measured = (above - below) / (2 * step)
     assert is_smooth.mean() > 0.95
     np.testing.assert_allclose(measured[is_smooth], slope[is_smooth], atol=2e-2 * slope.max())
+
+
+@pytest.mark.interpreted
+def test_a_tail_that_is_told_to_stay_above_does():
+    rng, told = np.random.default_rng(130), 0
+    for _ in range(2000):
+        x = rng.normal(size=4) * 10 ** rng.uniform(-2, 2, 4)
+        u_max, t = float(rng.choice([0.0, 1.0, 30.0])), float(rng.choice([0.0, rng.exponential()]))
+        x[0] = abs(x[0]) if u_max == 0.0 else x[0]  # below order 4 it is the input u_max, or 0
+        if _is_above(*map(float, x[::-1]), u_max, t):
+            h = np.concatenate([np.linspace(-t, 0.0, 200), np.linspace(0, 1, 400) ** 3 * 1e3])
+            path = x[3] + h * (x[2] + h * (x[1] / 2 + h * (x[0] / 6 + h * u_max / 24)))
+            assert path.min() >= -1e-12 * np.abs(x[3])
+            told += 1
+    assert told > 200
+
+
+@pytest.mark.interpreted
+def test_a_period_that_is_told_to_stay_above_does():
+    rng, told = np.random.default_rng(140), 0
+    for _ in range(2000):
+        u, x1, x2, x3, x4 = y = tuple(map(float, rng.normal(size=5) * 10 ** rng.uniform(-1, 1, 5)))
+        period = float(rng.uniform(0.01, 1.0))
+        t = np.linspace(0.0, period, 200)
+        path = x4 + t * (x3 + t * (x2 / 2 + t * (x1 / 6 + t * u / 24)))
+        # its end is the tail's
+        if stays_above(y, period, 0.1) and path[-1] >= 0.1:
+            assert path.min() >= 0.1 - 1e-12
+            told += 1
+    assert told > 200
 
 
 @settings(max_examples=60, deadline=None)
