@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority, checked_authority
+from quadsafe_core.borrow import borrowed
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import kernel
 from quadsafe_core.vec3 import norm, scale, subtract
@@ -159,6 +160,8 @@ def joint_batch(flat, center, radius, velocity, snap, last, plans, numbers, clos
     """Rows of ``joint_row``; the first code that is not ``DONE``."""
     code = checked_rows(flat, center, radius, velocity, snap, safe)
     settings = unpacked(numbers, closing, authority)
+    center, radius, velocity = borrowed(center), borrowed(radius), borrowed(velocity)
+    last, plans, facts = borrowed(last), borrowed(plans), borrowed(facts)
     for i in range(safe.shape[0]):
         if code == DONE:
             code = joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, safe, facts)

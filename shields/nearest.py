@@ -54,7 +54,7 @@ def relative_to(x, center, velocity):
     return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
 
 
-@inline_kernel
+@kernel
 def choose_directions(i, x, wanted, center, velocity, radius, last, settings, facts):
     """Pick the normals, note the least value; whether a sphere asks for a correction, and x is outside all."""
     is_cut, is_outside = False, True
