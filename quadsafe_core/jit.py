@@ -81,9 +81,9 @@ def _compiled(function: F, **options) -> F:
     room = function.__module__.partition(".")[0]
     folder = _folder_of(room) if room in REACH else None
     if folder is None:
-        return cast(F, numba.njit(error_model="numpy", **options)(function))
+        return cast(F, numba.njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function))
     with _numba_cache_in(folder):
-        return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function))
 
 
 def kernel(function: F) -> F:

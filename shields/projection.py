@@ -2,8 +2,8 @@
 
     minimise ‖u − u_des‖²   subject to   n_i · u ≥ b_i,   i = 1 … K
 
-Mostly a few planes matter, at a wide angle: then the plane that cuts most is taken in, and another one left out
-if the answer would be pulled onto it, until no plane cuts. That takes one scan of the planes for each active one.
+Mostly a few planes matter, at a wide angle: then the plane that cuts most is taken in, and another one left
+out if the answer would be pulled onto it, until no plane cuts. That takes one scan for each active one.
 
 Otherwise the half-spaces are taken in one at a time. Where one cuts off the optimum of those before it, the
 new optimum lies on its plane: a problem of one dimension less over the half-spaces before it, which goes on

@@ -1,0 +1,79 @@
+"""How long the shield takes: one call from Python, batches, many spheres.
+
+    python benchmarks/shield.py
+
+Medians. The states are outside a sphere of radius 1 m, slow, with desired snaps of some 50 m/s⁴; what share of
+them the shield changes is in the table. The reference is a copy of as many numbers as a call is given.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from shields import Shield
+
+PERIOD = 0.02
+BATCHES, SPHERES = (1, 64, 1024, 16384), (1, 2, 5, 10, 20, 64)
+
+
+def median(function: Callable[[], Any], seconds: float = 0.4) -> float:
+    """Median time of a call, s."""
+    started = time.perf_counter()
+    function()
+    count = max(1, int(2e-4 / max(time.perf_counter() - started, 1e-7)))
+    times, end = [], time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        started = time.perf_counter()
+        for _ in range(count):
+            function()
+        times.append((time.perf_counter() - started) / count)
+    return float(np.median(times))
+
+
+def scene(n: int, k: int, seed: int = 0) -> tuple[np.ndarray, ...]:
+    """N plants about a sphere at the origin, K − 1 smaller ones around."""
+    rng = np.random.default_rng(seed)
+    flat = rng.normal(size=(n, 4, 3)) * np.array([1.0, 0.5, 1.0, 0.0])[:, None]
+    distance = rng.uniform(1.3, 3.0, (n, 1))
+    flat[:, 0] *= distance / np.linalg.norm(flat[:, 0], axis=1, keepdims=True)
+    center, radius = rng.normal(size=(n, k, 3)) * 5.0, np.full((n, k), 0.3)
+    center[:, 0], radius[:, 0] = 0.0, 1.0
+    near = np.linalg.norm(center - flat[:, None, 0], axis=-1) < radius + 0.4
+    radius[:, 1:][near[:, 1:]] = 0.0
+    return flat, center, radius, rng.normal(size=(n, 3)) * 50.0
+
+
+def row(name: str, n: int, arrays: tuple[np.ndarray, ...]) -> str:
+    """One line: time per call and per plant, plants per second, what the shield changed, the copy."""
+    shield = Shield()
+    for _ in range(3):
+        answer = shield.filter(*arrays, PERIOD)
+    took = median(lambda: shield.filter(*arrays, PERIOD).snap)
+    copied = median(lambda: [array.copy() for array in arrays])
+    changed = 100 * float(np.mean(answer.intervened))
+    numbers = (
+        f"{1e6 * took:12.2f}{1e9 * took / n:12.0f}{n / took / 1e6:14.2f}{changed:12.1f}{1e6 * copied:12.2f}"
+    )
+    return f"{name:28}{numbers}"
+
+
+def main() -> None:
+    """Print the table."""
+    print(f"{'':28}{'µs a call':>12}{'ns a plant':>12}{'M plants/s':>14}{'changed, %':>12}{'copy, µs':>12}")
+    flat, center, radius, snap = (array[0] for array in scene(1, 1))
+    print(row("one call, K = 1", 1, (flat, center, radius, snap)))
+    near = flat * np.array([1.08, 1.0, 0.0, 0.0])[:, None] / np.linalg.norm(flat[0])
+    near[1] = -near[0]
+    print(row("one call, K = 1, corrected", 1, (near, center, radius, -snap)))
+    for k in SPHERES[1:]:
+        print(row(f"one call, K = {k}", 1, tuple(array[0] for array in scene(1, k))))
+    for n in BATCHES[1:]:
+        print(row(f"batch of {n:,}, K = 1", n, scene(n, 1)))
+    for k in SPHERES[1:]:
+        print(row(f"batch of 1,024, K = {k}", 1024, scene(1024, k)))
+
+
+if __name__ == "__main__":
+    main()
