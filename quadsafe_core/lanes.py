@@ -17,6 +17,8 @@ from quadsafe_core.jit import inline_kernel, kernel
 
 LANES = 16
 U = np.uint64
+# An argument ``I(3)`` instead of ``3``: numba compiles a function anew for every literal.
+I = np.int64
 # What is transposed in registers: four entries of eight rows.
 TILE = 4
 # Numbers in a cache line.

@@ -11,6 +11,7 @@ from quadsafe_core.checks import finite_array, positive_number, shaped_array
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import (
     LANES,
+    I,
     U,
     aligned_rows,
     fma,
@@ -151,20 +152,20 @@ def step_batch(states, wrenches, params, dt, out):
     """
     wide_vectors()
     vehicle = QuadrotorParams(*params)
-    block = new_block(STATE_SIZE + WRENCH_SIZE + 1)
+    block = new_block(I(STATE_SIZE + WRENCH_SIZE + 1))
     total = block[LANES * (STATE_SIZE + WRENCH_SIZE) :]
     total[:] = 0.0
     rows, wrench_rows, out_rows = states.reshape(-1), wrenches.reshape(-1), out.reshape(-1)
     for first in range(0, states.shape[0], LANES):
         count = min(LANES, states.shape[0] - first)
-        to_lanes(rows, STATE_SIZE, first, count, block, 0)
-        to_lanes(wrench_rows, WRENCH_SIZE, first, count, block, STATE_SIZE)
+        to_lanes(rows, I(STATE_SIZE), first, count, block, I(0))
+        to_lanes(wrench_rows, I(WRENCH_SIZE), first, count, block, I(STATE_SIZE))
         for i in range(U(count)):
-            wrench = (*lane_triple(block, i, STATE_SIZE), block[i + U(LANES * 23)])
+            wrench = (*lane_triple(block, i + U(LANES * STATE_SIZE)), block[i + U(LANES * 23)])
             s = rk4_step(lane_state(block, i), wrench, vehicle, dt)
             store_lane(block, i, s)
             block[i + U(LANES * 24)] += s[0] + s[1] + s[2] + s[ATTITUDE]
-        from_lanes(block, 0, out_rows, STATE_SIZE, first, count)
+        from_lanes(block, I(0), out_rows, I(STATE_SIZE), first, count)
     return total.sum() - total.sum() == 0.0
 
 

@@ -48,36 +48,35 @@ def store(row, s):
 
 
 @inline_kernel
-def lane_triple(block, i, at):
-    """Entries at, at + 1 and at + 2 of lane i."""
-    first = i + U(LANES * at)
-    return (block[first], block[first + U(LANES)], block[first + U(2 * LANES)])
+def lane_triple(block, at):
+    """Three entries of a lane, from the place ``at`` on."""
+    return (block[at], block[at + U(LANES)], block[at + U(2 * LANES)])
 
 
 @inline_kernel
 def lane_state(block, i):
     """Entries 0 to 20 of lane i as a tuple."""
-    r, v, q0 = lane_triple(block, i, 0), lane_triple(block, i, 3), lane_triple(block, i, 6)
-    q1, q2, omega = lane_triple(block, i, 9), lane_triple(block, i, 12), lane_triple(block, i, 15)
+    r, v = lane_triple(block, i), lane_triple(block, i + U(LANES * 3))
+    q0, q1 = lane_triple(block, i + U(LANES * 6)), lane_triple(block, i + U(LANES * 9))
+    q2, omega = lane_triple(block, i + U(LANES * 12)), lane_triple(block, i + U(LANES * 15))
     return r + v + q0 + q1 + q2 + omega + (block[i + U(LANES * 18)], block[i + U(LANES * 19)])
 
 
 @inline_kernel
-def store_triple(block, i, at, triple):
-    """Write entries at, at + 1 and at + 2 of lane i."""
-    first = i + U(LANES * at)
-    block[first], block[first + U(LANES)], block[first + U(2 * LANES)] = triple
+def store_triple(block, at, triple):
+    """Write three entries of a lane, from the place ``at`` on."""
+    block[at], block[at + U(LANES)], block[at + U(2 * LANES)] = triple
 
 
 @inline_kernel
 def store_lane(block, i, s):
     """Write a 20-tuple into entries 0 to 20 of lane i."""
-    store_triple(block, i, 0, s[0:3])
-    store_triple(block, i, 3, s[3:6])
-    store_triple(block, i, 6, s[6:9])
-    store_triple(block, i, 9, s[9:12])
-    store_triple(block, i, 12, s[12:15])
-    store_triple(block, i, 15, s[15:18])
+    store_triple(block, i, s[0:3])
+    store_triple(block, i + U(LANES * 3), s[3:6])
+    store_triple(block, i + U(LANES * 6), s[6:9])
+    store_triple(block, i + U(LANES * 9), s[9:12])
+    store_triple(block, i + U(LANES * 12), s[12:15])
+    store_triple(block, i + U(LANES * 15), s[15:18])
     block[i + U(LANES * 18)], block[i + U(LANES * 19)] = s[18], s[19]
 
 

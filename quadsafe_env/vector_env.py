@@ -89,9 +89,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         else:
             self._world.reset(rows)
         self._steps[rows] = 0
-        return self._world.observations.copy(), with_masks(
-            self._world.info(), np.ones(self.num_envs, dtype=np.bool_)
-        )
+        return self._world.observed(), self._with_every_mask(self._world.outcome()[2])
 
     def step(self, actions: ArrayLike):
         """Fly one policy step in every row.
@@ -100,19 +98,16 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             TypeError, ValueError: for no numbers or a wrong shape.
         """
         rows = action_array("actions", actions, (self.num_envs, 4))
-        world = self._world
-        world.step(rows)
+        observations = self._world.step(rows)
+        rewards, terminated, info = self._world.outcome()
+        info = self._with_every_mask(info)
         self._steps += 1
-        rewards, terminated = world.rewards.copy(), world.terminated()
         truncated = self._steps >= self._limit
-        info = with_masks(world.info(), np.ones(self.num_envs, dtype=np.bool_))
         done = terminated | truncated
-        if done.any():
-            info |= self._final(done)
-            ended = np.flatnonzero(done)
-            world.reset(ended)
-            self._steps[ended] = 0
-        return world.observations.copy(), rewards, terminated, truncated, info
+        if np.count_nonzero(done):
+            info |= self._final(done, observations)
+            observations = self._begin_again(done, observations)
+        return observations, rewards, terminated, truncated, info
 
     def render(self):
         """One RGB frame (480, 480, 3) a row, or None without a render mode."""
@@ -126,13 +121,25 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             for i in range(self.num_envs)
         )
 
-    def _final(self, done: NDArray[np.bool_]) -> dict[str, Any]:
+    def _final(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> dict[str, Any]:
         return {
-            "final_obs": self._world.observations.copy(),
+            "final_obs": observations,
             "_final_obs": done.copy(),
-            "final_info": with_masks(self._world.info(), done),
+            "final_info": with_masks(self._world.outcome()[2], done),
             "_final_info": done.copy(),
         }
+
+    def _begin_again(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Reset the rows that ended; the observations with theirs, a fresh array."""
+        ended, observations = np.flatnonzero(done), observations.copy()
+        self._world.reset(ended)
+        self._world.observe(ended, observations)
+        self._steps[ended] = 0
+        return observations
+
+    def _with_every_mask(self, info: dict[str, NDArray]) -> dict[str, Any]:
+        masks = np.ones((len(info), self.num_envs), dtype=np.bool_)
+        return info | {f"_{key}": mask for key, mask in zip(info, masks, strict=True)}
 
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:

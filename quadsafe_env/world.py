@@ -12,25 +12,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import positive_integer
-from quadsafe_env.actions import action_interface
-from quadsafe_env.authority import VehicleAuthority, any_yaw, authority, limit_yaw_batch, yaw_range
+from quadsafe_core.lanes import aligned_rows
+from quadsafe_env.actions import action_scale, velocity_gains
+from quadsafe_env.authority import VehicleAuthority, authority, limit_yaw_batch, yaw_range
 from quadsafe_env.episode import (
-    RECORD,
+    ARRIVES,
+    EFFORT,
+    FLAGS,
+    MEASURES,
+    NUMBERS,
     advance_batch,
     begin_rows,
     command_batch,
-    finish_batch,
     next_words,
-    spoil_invalid,
-    start_batch,
+    observe_rows,
+    place_rows,
 )
 from quadsafe_env.flatness import flat_batch
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
-from quadsafe_env.rotors import limited_rotors, unlimited_rotors
+from quadsafe_env.plant import Plant, packed
+from quadsafe_env.rotors import limited_rotors
 from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
-from quadsafe_env.state import hover_state
+from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
+
+# Of the info, in the order of the flags' lines.
+FLAG_KEYS = ("is_success", "violation", "out_of_bounds", "crash", "invalid_action", "saturated")
 
 
 class Filtered(Protocol):
@@ -106,28 +114,37 @@ class World:
         check_rates(rates)
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
-        self.interface = action_interface(action, params, self.control_period)
         self.snap_filter: SnapFilter = PassThrough()
+        self.action_scale = np.array(action_scale(action, params))
+        self._action, self._has_limits, self._yaw_range = action, rotor_limits, yaw_range(params)
+        # Without limits the kernels are compiled without the rotors.
+        self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
         self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
-        self._low, self._high = np.array(task.low), np.array(task.high)
-        self._terminate_on_violation = terminate_on_violation
-        # Infinite ranges in place of a second plant: without limits nothing is ever clipped.
-        self._rotors = limited_rotors(params) if rotor_limits else unlimited_rotors(params)
-        self._yaw_range = yaw_range(params) if rotor_limits else any_yaw()
+        self._constants = packed(
+            Plant(
+                params=params,
+                gains=velocity_gains(self.control_period),
+                scale=action_scale(action, params),
+                low=task.low,
+                high=task.high,
+                dt=1.0 / rates.physics,
+                ends_at_goal=task.ends_at_goal,
+                terminate_on_violation=terminate_on_violation,
+            )
+        )
         self._allocate(self._source.sphere_count)
 
     def _allocate(self, k: int) -> None:
         n = self.n
-        self.states = np.tile(hover_state(np.zeros(3), self.params), (n, 1))
+        self.states = aligned_rows(n, STATE_SIZE)
         self.scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
         self.words = np.zeros((n, 2), dtype=np.int64)
-        self.records = np.zeros(n, dtype=RECORD)
-        self.rewards = np.zeros(n)
-        self.observations = np.zeros((n, self.observation_size), dtype=np.float32)
+        self.numbers, self.flags = np.zeros((NUMBERS, n)), np.zeros((FLAGS, n), dtype=np.bool_)
         self._seeds = np.zeros((n, 2), dtype=np.int64)
         self._episodes = np.zeros(n, dtype=np.int64)
-        self._commands, self._effort = np.zeros((n, 4)), np.zeros(n)
-        self._flat, self._snap, self._yaw_acceleration = np.zeros((n, 4, 3)), np.zeros((n, 3)), np.zeros(n)
+        self._commands, self._flat = np.zeros((n, 4)), np.zeros((n, 4, 3))
+        self._snap, self._yaw_acceleration = np.zeros((n, 3)), np.zeros(n)
+        place_rows(np.arange(n), self._constants, self.scenes.start, self.states)
 
     @property
     def observation_size(self) -> int:
@@ -168,11 +185,11 @@ class World:
     def _place(self, rows: NDArray[np.intp]) -> None:
         self._episodes[rows] += 1
         self._source.draw(self.words, rows, self.scenes)
-        self.states[rows] = hover_state(self.scenes.start[rows], self.params)
+        place_rows(rows, self._constants, self.scenes.start, self.states)
         self._begin(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
-        begin_rows(rows, self.states, *self._goal_and_spheres, self.params, self.records, self.observations)
+        begin_rows(rows, self._constants, self.states, *self._goal_and_spheres, self.numbers, self.flags)
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
         self.snap_filter.reset(mask)
@@ -181,69 +198,65 @@ class World:
     def _goal_and_spheres(self):
         return self.scenes.goal, self.scenes.center, self.scenes.radius
 
-    def step(self, actions: NDArray) -> None:
-        """One policy step of every row under actions (N, 4)."""
-        start_batch(self.records)
-        command_batch(
-            actions, self.interface.scale, self.is_shielded, self._commands, self._effort, self.records
-        )
-        for _ in range(self.rates.control // self.rates.policy):
-            self._control_period()
-        finish_batch(
-            self.states,
-            *self._goal_and_spheres,
-            self.params,
-            self._low,
-            self._high,
-            self._effort,
-            self.records,
-            self.rewards,
-            self.observations,
-        )
+    def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
+        """Write the present observations of the given rows."""
+        observe_rows(rows, self._constants, self.states, *self._goal_and_spheres, observations)
 
-    def _control_period(self) -> None:
-        flat_batch(self.states, self.params, self._flat)
-        self.interface.desired(self.states, self._commands, self._snap, self._yaw_acceleration)
-        limit_yaw_batch(self.states, self.control_period, self._yaw_range, self._yaw_acceleration)
-        spoil_invalid(self.records, self._snap, self._yaw_acceleration)
-        safe = self.snap_filter.filter(
-            self._flat, self.scenes.center, self.scenes.radius, self._snap, self.control_period
+    def observed(self) -> NDArray[np.float32]:
+        """Present observations (N, observation_size), a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        self.observe(np.arange(self.n), observations)
+        return observations
+
+    def step(self, actions: NDArray) -> NDArray[np.float32]:
+        """One policy step of every row under actions (N, 4); the observations after it, a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        command_batch(actions, self._constants, self.is_shielded, self._commands, self.numbers, self.flags)
+        for left in range(self.rates.control // self.rates.policy - 1, -1, -1):
+            self._control_period(left == 0, observations)
+        return observations
+
+    def _control_period(self, closes: bool, observations: NDArray[np.float32]) -> None:
+        snap, yaw_acceleration = self._snap, self._yaw_acceleration
+        MEASURES[self._action](
+            self._constants, self.states, self._commands, self.flags, self._flat, snap, yaw_acceleration
         )
+        if self._has_limits:
+            limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
+        goal, center, radius = self._goal_and_spheres
+        safe = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
         advance_batch(
+            self._constants,
+            self._rotors,
+            self.rates.physics // self.rates.control,
+            closes,
             self.states,
             safe.snap,
-            self._yaw_acceleration,
-            *self._goal_and_spheres,
-            self.params,
-            self._rotors,
-            1.0 / self.rates.physics,
-            self.rates.physics // self.rates.control,
-            self.records,
+            yaw_acceleration,
+            goal,
+            center,
+            radius,
+            self.numbers,
+            self.flags,
+            observations,
         )
 
-    def terminated(self) -> NDArray[np.bool_]:
-        """Rows whose episode ended by itself in the last step."""
-        record = self.records
-        ends = record["out_of_bounds"] | record["crash"] | (record["invalid_action"] & ~record["is_active"])
-        if self.task.ends_at_goal:
-            ends |= record["has_arrived"]
-        if self._terminate_on_violation:
-            ends |= record["violation"]
-        return ends
+    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
+        """Rewards, ends and info of the last step, fresh arrays (N,)."""
+        rewards, cost, clearance = self.numbers[:EFFORT].copy()
+        *flags, terminated = self.flags[:ARRIVES].copy()
+        info = {"cost": cost, "clearance": clearance, **dict(zip(FLAG_KEYS, flags, strict=True))}
+        return rewards, terminated, info
 
-    def info(self) -> dict[str, NDArray]:
-        """What the last step did to every row, fresh arrays (N,)."""
-        record = self.records
-        return {
-            "cost": record["violation"].astype(np.float64),
-            "clearance": record["clearance"].copy(),
-            "is_success": record["has_arrived"] & ~record["has_violated"],
-            "violation": record["violation"].copy(),
-            "out_of_bounds": record["out_of_bounds"].copy(),
-            "crash": record["crash"].copy(),
-            "invalid_action": record["invalid_action"].copy(),
-            "saturated": record["saturated"].copy(),
-        }
+    def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
+        """Reward, end and info of the only row."""
+        reward, cost, clearance = self.numbers[:EFFORT, 0].tolist()
+        *flags, terminated = self.flags[:ARRIVES, 0].tolist()
+        return (
+            reward,
+            terminated,
+            {"cost": cost, "clearance": clearance, **dict(zip(FLAG_KEYS, flags, strict=True))},
+        )
 
 
 class PlantAccess:
@@ -263,7 +276,7 @@ class PlantAccess:
     @property
     def action_scale(self) -> NDArray[np.float64]:
         """SI value of an action of 1, (4,)."""
-        return self._world.interface.scale.copy()
+        return self._world.action_scale.copy()
 
     @property
     def control_period(self) -> float:
