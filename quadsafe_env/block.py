@@ -5,10 +5,10 @@
 | 0:20      | state                                                                  |
 | 20:23, 23 | snap and yaw acceleration that are held                                |
 | 24:27     | goal                                                                   |
-| 27, 28    | time at the goal, and its largest value in the period, s               |
-| 29        | least thrust in the period, N                                          |
-| 30        | 1.0 once a rotor was at a stop                                         |
-| 31 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
+| 27        | longest time at the goal in the period, s                              |
+| 28        | least thrust in the period, N                                          |
+| 29:42     | what is told of the row: the lines of the table of ``episode``         |
+| 42 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
 |           | the period, from ``measure_gaps`` on the distance to its surface       |
 """
 
@@ -18,6 +18,7 @@ import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import LANES, I, U, new_block, wide_vectors
+from quadsafe_core.vec3 import subtract
 from quadsafe_env.dynamics import axpy, derivative_kernel
 from quadsafe_env.flatness import wrench_from_snap_kernel
 from quadsafe_env.obstacles import NO_OBSTACLE, comes_after, squared_distance
@@ -25,27 +26,46 @@ from quadsafe_env.rotors import limited_step
 from quadsafe_env.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane, store_triple
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, own_entries, sphere_entries
 
+# Lines of the table: numbers of the last policy step, then of the episode, then flags that are 0 or 1.
+REWARD, COST, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(6)
+HAS_ARRIVED, HAS_VIOLATED, ARRIVES, INVALID, IS_FLYING, CRASH, SATURATED = range(6, 13)
+LINES = 13
+
 SNAP = STATE_SIZE
 YAW = SNAP + 3
 GOAL = YAW + 1
-HELD, LONGEST = GOAL + 3, GOAL + 4
+LONGEST = GOAL + 3
 LEAST_THRUST = LONGEST + 1
-CLIPPED = LEAST_THRUST + 1
-SPHERES = CLIPPED + 1
+TABLE = LEAST_THRUST + 1
+HELD, CLIPPED = TABLE + TIME_AT_GOAL, TABLE + SATURATED
+SPHERES = TABLE + LINES
 PER_SPHERE = 5
 
 
 @inline_kernel
-def fill_spheres(block, first, count, center, radius):
-    """The spheres of rows first … first + count, flat (N K 3) and (N K); no distance to them so far."""
-    spheres = radius.shape[1]
-    for i in range(count):
-        for k in range(spheres):
-            at = LANES * (SPHERES + PER_SPHERE * k) + i
-            for axis in range(3):
-                block[at + LANES * axis] = center[first + i, k, axis]
-            block[at + LANES * 3] = radius[first + i, k]
-            block[at + LANES * 4] = math.inf
+def block_of(spheres):
+    """Memory for sixteen rows among so many spheres."""
+    return new_block(SPHERES + PER_SPHERE * spheres)
+
+
+@inline_kernel
+def sphere_at(k):
+    """Where the entries of sphere k begin."""
+    return U(LANES * SPHERES) + U(LANES * PER_SPHERE) * k
+
+
+@inline_kernel
+def fill_spheres(block, first, count, spheres, centers, radii):
+    """The spheres of rows first … first + count, of flat arrays; no distance to them so far."""
+    spheres = U(spheres)
+    for k in range(spheres):
+        at, place = sphere_at(k), U(first) * spheres + k
+        for i in range(U(count)):
+            block[at + i] = centers[U(3) * place]
+            block[at + i + U(LANES)] = centers[U(3) * place + U(1)]
+            block[at + i + U(2 * LANES)] = centers[U(3) * place + U(2)]
+            block[at + i + U(LANES * 3)], block[at + i + U(LANES * 4)] = radii[place], math.inf
+            place += spheres
 
 
 @inline_kernel
@@ -82,7 +102,7 @@ def fly(block, count, spheres, substeps, plant, rotors):
 def approach(block, count, spheres):
     """Keep the least squared distance to each sphere."""
     for k in range(U(spheres)):
-        at = U(LANES * SPHERES) + U(LANES * PER_SPHERE) * k
+        at = sphere_at(k)
         for i in range(U(count)):
             squared = squared_distance(
                 block[i], block[i + U(LANES)], block[i + U(2 * LANES)], lane_triple(block, at + i)
@@ -96,21 +116,21 @@ def is_sound(block, i, thrust_min):
     s = lane_state(block, i)
     total = s[0] + s[1] + s[2] + s[3] + s[4] + s[5] + s[6] + s[7] + s[8] + s[9]
     total += s[10] + s[11] + s[12] + s[13] + s[14] + s[15] + s[16] + s[17] + s[18] + s[19]
-    return (total - total == 0.0) & (block[i + U(LANES * LEAST_THRUST)] > thrust_min)
+    return (abs(total) < math.inf) & (block[i + U(LANES * LEAST_THRUST)] > thrust_min)
 
 
-@kernel
-def count_unsound(block, count, thrust_min):
-    """How many lanes are not sound."""
-    wide_vectors()
-    unsound = 0
+@inline_kernel
+def are_sound(block, count, thrust_min):
+    """Whether every lane is flying, and sound."""
+    others = 0
     for i in range(U(count)):
-        unsound += 0 if is_sound(block, i, thrust_min) else 1
-    return unsound
+        is_flying = block[i + U(LANES * (TABLE + IS_FLYING))] > 0.0
+        others += 0 if is_sound(block, i, thrust_min) & is_flying else 1
+    return others == 0
 
 
 @kernel
-def fly_with_care(block, count, spheres, substeps, plant, rotors, is_flying, crashes):
+def fly_with_care(block, count, spheres, substeps, plant, rotors):
     """As ``fly``, substep by substep: a lane that crashes, or is not flying, stays in its last sound state."""
     before = np.empty_like(block)
     for _ in range(substeps):
@@ -118,22 +138,23 @@ def fly_with_care(block, count, spheres, substeps, plant, rotors, is_flying, cra
             before[k] = block[k]
         fly(block, count, spheres, I(1), plant, rotors)
         for i in range(count):
-            if is_flying[i] and not is_sound(block, U(i), plant.params.thrust_min):
-                is_flying[i], crashes[i] = False, True
+            is_flying = before[LANES * (TABLE + IS_FLYING) + i] > 0.0
+            if is_flying and is_sound(block, U(i), plant.params.thrust_min):
+                continue
+            if is_flying:
+                before[LANES * (TABLE + IS_FLYING) + i], before[LANES * (TABLE + CRASH) + i] = 0.0, 1.0
                 before[LANES * CLIPPED + i] = block[LANES * CLIPPED + i]
-            if not is_flying[i]:
-                for k in range(i, block.size, LANES):
-                    block[k] = before[k]
+            for k in range(i, block.size, LANES):
+                block[k] = before[k]
 
 
-@kernel
+@inline_kernel
 def measure_gaps(block, count, spheres, out):
     """Distances to the keep-out surfaces in place of their squares; the least of each lane into ``out``."""
-    wide_vectors()
     for i in range(U(count)):
         out[i] = NO_OBSTACLE
     for k in range(U(spheres)):
-        at = U(LANES * SPHERES) + U(LANES * PER_SPHERE) * k
+        at = sphere_at(k)
         for i in range(U(count)):
             radius = block[at + i + U(LANES * 3)]
             gap = math.sqrt(block[at + i + U(LANES * 4)]) - radius
@@ -152,34 +173,33 @@ def measure_here(block, count, spheres, out):
     measure_gaps(block, count, spheres, out)
 
 
-@kernel
-def observe(block, count, spheres, params, seen):
-    """Observations of the lanes into the block ``seen``; the gaps of the spheres must be present ones."""
-    wide_vectors()
+@inline_kernel
+def observe(block, count, spheres, slots, params, seen):
+    """Observations of the lanes into the block ``seen``; the gaps of the spheres must be present ones.
+
+    Behind the observation ``seen`` has eight entries to search with: gap and index of the last sphere, gap,
+    index, centre and radius of the next one.
+    """
+    last = U(LANES * OWN_ENTRIES) + U(LANES * SPHERE_ENTRIES) * U(slots)
+    best = last + U(2 * LANES)
     for i in range(U(count)):
-        goal_way, v, a, j, yaw = own_entries(
-            lane_state(block, i), lane_triple(block, i + U(LANES * GOAL)), params
-        )
+        s, goal = lane_state(block, i), lane_triple(block, i + U(LANES * GOAL))
+        goal_way, v, a, j, yaw = own_entries(s, goal, params)
         store_triple(seen, i, goal_way)
         store_triple(seen, i + U(LANES * 3), v)
         store_triple(seen, i + U(LANES * 6), a)
         store_triple(seen, i + U(LANES * 9), j)
         store_triple(seen, i + U(LANES * 12), yaw)
-    last, best = new_block(I(2)), new_block(I(6))
-    last[:LANES], last[LANES:] = -NO_OBSTACLE, -1.0
-    for slot in range((seen.shape[0] // LANES - OWN_ENTRIES) // SPHERE_ENTRIES):
-        find_next(block, count, spheres, last, best)
-        at = U(LANES * OWN_ENTRIES) + U(LANES * SPHERE_ENTRIES) * U(slot)
+    for i in range(U(count)):
+        seen[last + i], seen[last + i + U(LANES)] = -NO_OBSTACLE, -1.0
+    for slot in range(U(slots)):
+        find_next(block, count, spheres, seen, last, best)
+        at = U(LANES * OWN_ENTRIES) + U(LANES * SPHERE_ENTRIES) * slot
         for i in range(U(count)):
-            last[i], last[i + U(LANES)] = best[i], best[i + U(LANES)]
-            is_there = best[i + U(LANES)] >= 0.0
-            center = lane_triple(best, i + U(LANES * 2))
-            between = (
-                center[0] - block[i],
-                center[1] - block[i + U(LANES)],
-                center[2] - block[i + U(2 * LANES)],
-            )
-            x, y, z, size, presence = sphere_entries(between, best[i + U(LANES * 5)], is_there)
+            seen[last + i], seen[last + i + U(LANES)] = seen[best + i], seen[best + i + U(LANES)]
+            way = subtract(lane_triple(seen, best + i + U(LANES * 2)), lane_triple(block, i))
+            is_there = seen[best + i + U(LANES)] >= 0.0
+            x, y, z, size, presence = sphere_entries(way, seen[best + i + U(LANES * 5)], is_there)
             store_triple(seen, at + i, (x, y, z))
             seen[at + i + U(LANES * 3)], seen[at + i + U(LANES * 4)] = size, presence
 
@@ -191,16 +211,17 @@ def chosen(is_first, a, b):
 
 
 @inline_kernel
-def find_next(block, count, spheres, last, best):
+def find_next(block, count, spheres, seen, last, best):
     """Gap, index, centre and radius of the nearest sphere after the last one; index −1 when there is none."""
-    best[:LANES], best[LANES:] = NO_OBSTACLE, -1.0
+    for i in range(U(count)):
+        seen[best + i], seen[best + i + U(LANES)] = NO_OBSTACLE, -1.0
     for k in range(U(spheres)):
-        at = U(LANES * SPHERES) + U(LANES * PER_SPHERE) * k
-        index = float(k)
+        at, index = sphere_at(k), float(k)
         for i in range(U(count)):
-            gap = block[at + i + U(LANES * 4)]
-            is_new = comes_after(gap, index, last[i], last[i + U(LANES)]) & (gap < best[i])
-            kept, new = lane_triple(best, i), lane_triple(block, at + i)
-            store_triple(best, i, chosen(is_new, (gap, index, new[0]), kept))
-            kept, radius = lane_triple(best, i + U(LANES * 3)), block[at + i + U(LANES * 3)]
-            store_triple(best, i + U(LANES * 3), chosen(is_new, (new[1], new[2], radius), kept))
+            gap, gap_before = block[at + i + U(LANES * 4)], seen[best + i]
+            is_next = comes_after(gap, index, seen[last + i], seen[last + i + U(LANES)]) & (gap < gap_before)
+            x, y, z = lane_triple(block, at + i)
+            kept, rest = lane_triple(seen, best + i), lane_triple(seen, best + i + U(LANES * 3))
+            store_triple(seen, best + i, chosen(is_next, (gap, index, x), kept))
+            others = (y, z, block[at + i + U(LANES * 3)])
+            store_triple(seen, best + i + U(LANES * 3), chosen(is_next, others, rest))

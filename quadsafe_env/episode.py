@@ -1,26 +1,35 @@
-"""The episode of each row: what happened to it, and the kernels that open, fly and close a policy step.
+"""The episode of each row: what happened to it, and the kernels that begin it, fly and close a policy step.
 
-What is told of rows is kept in two tables with one line a quantity, so that a line is an array (N,).
+What is told of the rows is kept in lanes, block by block, see ``quadsafe_env.block``. A policy step closes with
+its outcome, the lines REWARD, COST and CLEARANCE, (3, N), and with the flags below, (FLAGS, N).
 """
 
 import math
 
-import numpy as np
-
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_core.lanes import LANES, I, U, from_lanes, new_block, to_lanes, wide_vectors
-from quadsafe_env.actions import snap_law, velocity_law, wrench_law
+from quadsafe_core.lanes import LANES, I, U, from_lanes, new_block, to_lanes
 from quadsafe_env.block import (
-    CLIPPED,
+    ARRIVES,
+    CLEARANCE,
+    COST,
+    CRASH,
+    DISTANCE,
+    EFFORT,
     GOAL,
-    HELD,
+    HAS_ARRIVED,
+    HAS_VIOLATED,
+    INVALID,
+    IS_FLYING,
     LEAST_THRUST,
+    LINES,
     LONGEST,
-    PER_SPHERE,
+    REWARD,
+    SATURATED,
     SNAP,
-    SPHERES,
+    TABLE,
     YAW,
-    count_unsound,
+    are_sound,
+    block_of,
     fill_spheres,
     fly,
     fly_with_care,
@@ -29,218 +38,149 @@ from quadsafe_env.block import (
     observe,
 )
 from quadsafe_env.counter_rng import Key, derived_key
-from quadsafe_env.flatness import flat_from_state
 from quadsafe_env.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.plant import unpacked
-from quadsafe_env.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_triple
-from quadsafe_env.task import GOAL_HOLD, reward
+from quadsafe_env.state import STATE_SIZE, THRUST, lane_triple
+from quadsafe_env.task import GOAL_HOLD, OWN_ENTRIES, SPHERE_ENTRIES, reward
 
-# Lines of the table of numbers: in the last policy step, and since the reset.
-REWARD, COST, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(6)
-NUMBERS = 6
-# Lines of the table of flags: in the last policy step (but for success, arrival and violation before).
-SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASH, INVALID, SATURATED, TERMINATED = range(7)
-ARRIVES, IS_FLYING, HAS_ARRIVED, HAS_VIOLATED = range(7, 11)
-FLAGS = 11
+IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, TERMINATED = range(7)
+FLAGS = 7
 
 
 @inline_kernel
-def clear_step(numbers, flags, i):
-    """Clear what belongs to a single step."""
-    numbers[COST, i], numbers[CLEARANCE, i] = 0.0, NO_OBSTACLE
-    for flag in range(SUCCESS, IS_FLYING):
-        flags[flag, i] = False
-    flags[IS_FLYING, i] = True
-
-
-@kernel
-def command_batch(actions, constants, is_shielded, commands, numbers, flags):
-    """Open a policy step: actions clipped to [−1, 1] and scaled, rows whose action is not finite marked.
-
-    A row with such an action is not stepped, unless a shield is there to answer it.
-    """
-    scale = unpacked(constants).scale
-    for i in range(actions.shape[0]):
-        clear_step(numbers, flags, i)
-        effort, total = 0.0, 0.0
-        for entry in range(4):
-            asked = float(actions[i, entry])
-            total += asked
-            value = min(1.0, max(-1.0, asked))
-            commands[i, entry] = scale[entry] * value
-            effort += value * value
-        if total - total != 0.0:
-            commands[i] = 0.0
-            effort = 0.0
-            flags[INVALID, i], flags[IS_FLYING, i] = True, is_shielded
-        numbers[EFFORT, i] = effort
+def flat_rows(states, goal, center, radius):
+    """The arrays of a world, flat."""
+    return states.reshape(-1), goal.reshape(-1), center.reshape(-1), radius.reshape(-1)
 
 
 @inline_kernel
-def load_measured(block, first, states, commands):
-    """States and commands of up to sixteen rows into a block, entries 0 to 24; their number."""
-    count = min(LANES, states.shape[0] - first)
-    to_lanes(states.reshape(-1), I(STATE_SIZE), first, count, block, I(0))
-    to_lanes(commands.reshape(-1), I(4), first, count, block, I(20))
-    return count
+def load_rows(block, first, count, spheres, rows):
+    """State, goal and spheres of the rows of flat arrays into a block."""
+    to_lanes(rows[0], I(STATE_SIZE), first, count, block, I(0))
+    to_lanes(rows[1], I(3), first, count, block, I(GOAL))
+    fill_spheres(block, first, count, spheres, rows[2], rows[3])
 
 
 @inline_kernel
-def store_wish(block, i, wish):
-    """Desired snap and yaw acceleration into entries 36 to 40 of lane i."""
-    store_triple(block, i + U(LANES * 36), wish[0:3])
-    block[i + U(LANES * 39)] = wish[3]
-
-
-@kernel
-def give_measured(block, first, count, params, flags, flat, snap, yaw_acceleration):
-    """Flat states and wishes of the lanes into their rows; an invalid action wishes no snap."""
-    wide_vectors()
+def load_wishes(block, first, count, snap, yaw_acceleration, table):
+    """What the rows are to fly in this period, and what is told of them so far."""
+    for k in range(U(LANES * LINES)):
+        block[U(LANES * TABLE) + k] = table[U(first * LINES) + k]
+    for axis in range(3):
+        for i in range(U(count)):
+            block[U(LANES * (SNAP + axis)) + i] = snap[U(first) + i, axis]
     for i in range(U(count)):
-        r, v, a, j = flat_from_state(lane_state(block, i), params)
-        store_triple(block, i + U(LANES * 24), r)
-        store_triple(block, i + U(LANES * 27), v)
-        store_triple(block, i + U(LANES * 30), a)
-        store_triple(block, i + U(LANES * 33), j)
-    from_lanes(block, I(24), flat.reshape(-1), I(12), first, count)
-    from_lanes(block, I(36), snap.reshape(-1), I(3), first, count)
-    from_lanes(block, I(39), yaw_acceleration, I(1), first, count)
-    for i in range(first, first + count):
-        if flags[INVALID, i]:
-            snap[i] = np.nan
-
-
-@kernel
-def measure_velocity(constants, states, commands, flags, flat, snap, yaw_acceleration):
-    """Flat states, desired snaps and yaw accelerations; see ``velocity_law``."""
-    wide_vectors()
-    plant, block = unpacked(constants), new_block(I(40))
-    for first in range(0, states.shape[0], LANES):
-        count = load_measured(block, first, states, commands)
-        for i in range(U(count)):
-            s, command = (
-                lane_state(block, i),
-                (*lane_triple(block, i + U(LANES * 20)), block[i + U(LANES * 23)]),
-            )
-            store_wish(block, i, velocity_law(s, command, plant))
-        give_measured(block, first, count, plant.params, flags, flat, snap, yaw_acceleration)
-
-
-@kernel
-def measure_snap(constants, states, commands, flags, flat, snap, yaw_acceleration):
-    """Flat states, desired snaps and yaw accelerations; see ``snap_law``."""
-    wide_vectors()
-    plant, block = unpacked(constants), new_block(I(40))
-    for first in range(0, states.shape[0], LANES):
-        count = load_measured(block, first, states, commands)
-        for i in range(U(count)):
-            s, command = (
-                lane_state(block, i),
-                (*lane_triple(block, i + U(LANES * 20)), block[i + U(LANES * 23)]),
-            )
-            store_wish(block, i, snap_law(s, command, plant))
-        give_measured(block, first, count, plant.params, flags, flat, snap, yaw_acceleration)
-
-
-@kernel
-def measure_wrench(constants, states, commands, flags, flat, snap, yaw_acceleration):
-    """Flat states, desired snaps and yaw accelerations; see ``wrench_law``."""
-    wide_vectors()
-    plant, block = unpacked(constants), new_block(I(40))
-    for first in range(0, states.shape[0], LANES):
-        count = load_measured(block, first, states, commands)
-        for i in range(U(count)):
-            s, command = (
-                lane_state(block, i),
-                (*lane_triple(block, i + U(LANES * 20)), block[i + U(LANES * 23)]),
-            )
-            store_wish(block, i, wrench_law(s, command, plant))
-        give_measured(block, first, count, plant.params, flags, flat, snap, yaw_acceleration)
-
-
-MEASURES = {"velocity": measure_velocity, "snap": measure_snap, "wrench": measure_wrench}
-
-
-@inline_kernel
-def load_rows(block, first, count, states, goal, center, radius):
-    """State, goal and spheres of the rows into a block."""
-    to_lanes(states.reshape(-1), I(STATE_SIZE), first, count, block, I(0))
-    to_lanes(goal.reshape(-1), I(3), first, count, block, I(GOAL))
-    fill_spheres(block, first, count, center, radius)
-
-
-@inline_kernel
-def load_wishes(block, first, count, snap, yaw_acceleration, numbers, flags):
-    """What the rows are to fly in this period, and what is counted in it."""
+        block[U(LANES * YAW) + i] = yaw_acceleration[U(first) + i]
     for i in range(U(count)):
-        row = U(first) + i
-        store_triple(block, i + U(LANES * SNAP), (snap[row, 0], snap[row, 1], snap[row, 2]))
-        block[i + U(LANES * YAW)] = 0.0 if flags[INVALID, row] else yaw_acceleration[row]
-        block[i + U(LANES * HELD)] = numbers[TIME_AT_GOAL, row]
-    block[LANES * LONGEST : LANES * LEAST_THRUST] = 0.0
-    block[LANES * LEAST_THRUST : LANES * CLIPPED] = math.inf
-    block[LANES * CLIPPED : LANES * SPHERES] = 0.0
+        is_invalid = told(block, i, I(INVALID)) > 0.0
+        block[U(LANES * YAW) + i] = 0.0 if is_invalid else block[U(LANES * YAW) + i]
+        block[U(LANES * LONGEST) + i], block[U(LANES * LEAST_THRUST) + i] = 0.0, math.inf
 
 
-@kernel
-def record_period(block, gaps, first, count, plant, numbers, flags):
-    """What happened to the rows in the period."""
+@inline_kernel
+def told(block, i, line):
+    """An entry of the table, of lane i."""
+    return block[i + U(LANES) * U(TABLE + line)]
+
+
+@inline_kernel
+def tell(block, i, line, value):
+    """Write an entry of the table, of lane i."""
+    block[i + U(LANES) * U(TABLE + line)] = value
+
+
+@inline_kernel
+def record_period(block, gaps, count, dt):
+    """What happened to the lanes in the period."""
     # The sum of the steps falls short of the hold by rounding.
-    hold = GOAL_HOLD - 0.5 * plant.dt
+    hold = GOAL_HOLD - 0.5 * dt
     for i in range(U(count)):
-        row = U(first) + i
-        numbers[CLEARANCE, row] = min(numbers[CLEARANCE, row], gaps[i])
-        numbers[TIME_AT_GOAL, row] = block[i + U(LANES * HELD)]
-        arrives = (block[i + U(LANES * LONGEST)] >= hold) & (not flags[HAS_ARRIVED, row])
-        flags[ARRIVES, row] |= arrives
-        flags[HAS_ARRIVED, row] |= arrives
-        flags[SATURATED, row] |= block[i + U(LANES * CLIPPED)] > 0.0
+        tell(block, i, I(CLEARANCE), min(told(block, i, I(CLEARANCE)), gaps[i]))
+        arrives = (block[i + U(LANES * LONGEST)] >= hold) & (told(block, i, I(HAS_ARRIVED)) == 0.0)
+        tell(block, i, I(ARRIVES), 1.0 if arrives else told(block, i, I(ARRIVES)))
+        tell(block, i, I(HAS_ARRIVED), 1.0 if arrives else told(block, i, I(HAS_ARRIVED)))
 
 
-@kernel
-def close_rows(block, gaps, first, count, plant, numbers, flags):
-    """Close the policy step of the lanes: violation, bounds, end, reward; ``gaps`` are present clearances."""
+@inline_kernel
+def between(low, value, high):
+    """``low <= value <= high`` without a branch."""
+    return (low <= value) & (value <= high)
+
+
+@inline_kernel
+def close_lanes(block, gaps, count, plant, flags):
+    """Close the policy step: violation, bounds, end, reward. ``gaps`` are the present clearances.
+
+    ``flags`` is a block with the lines of the flags, as 0 and 1.
+    """
     low, high = plant.low, plant.high
     for i in range(U(count)):
-        row = U(first) + i
-        least = numbers[CLEARANCE, row]
+        least = told(block, i, I(CLEARANCE))
         # A row that did not move has the clearance of where it stands.
         least = gaps[i] if least == NO_OBSTACLE else least
         x, y, z = lane_triple(block, i)
-        is_inside = (
-            (low[0] <= x) & (x <= high[0]) & (low[1] <= y) & (y <= high[1]) & (low[2] <= z) & (z <= high[2])
+        is_inside = between(low[0], x, high[0]) & between(low[1], y, high[1]) & between(low[2], z, high[2])
+        violates, arrived = least < 0.0, told(block, i, I(HAS_ARRIVED)) > 0.0
+        has_violated = violates | (told(block, i, I(HAS_VIOLATED)) > 0.0)
+        crashes, is_invalid = told(block, i, I(CRASH)), told(block, i, I(INVALID))
+        is_refused = (is_invalid > 0.0) & (told(block, i, I(IS_FLYING)) == 0.0)
+        ends = is_refused | (crashes > 0.0) | (violates & (plant.terminate_on_violation > 0.0))
+        ends = ends | (arrived & (plant.ends_at_goal > 0.0)) | (not is_inside)
+        before, after = (
+            told(block, i, I(DISTANCE)),
+            distance_to(x, y, z, lane_triple(block, i + U(LANES * GOAL))),
         )
-        violates = least < 0.0
-        numbers[CLEARANCE, row], numbers[COST, row] = least, 1.0 if violates else 0.0
-        flags[VIOLATION, row], flags[OUT_OF_BOUNDS, row] = violates, not is_inside
-        flags[HAS_VIOLATED, row] |= violates
-        flags[SUCCESS, row] = flags[HAS_ARRIVED, row] & (not flags[HAS_VIOLATED, row])
-        is_refused = flags[INVALID, row] & (not flags[IS_FLYING, row])
-        at_goal = (plant.ends_at_goal > 0.0) & flags[HAS_ARRIVED, row]
-        is_stopped = (plant.terminate_on_violation > 0.0) & violates
-        flags[TERMINATED, row] = (not is_inside) | flags[CRASH, row] | is_refused | at_goal | is_stopped
-        before, after = numbers[DISTANCE, row], distance_to(x, y, z, lane_triple(block, i + U(LANES * GOAL)))
-        numbers[DISTANCE, row] = after
-        numbers[REWARD, row] = reward(before, after, numbers[EFFORT, row], flags[ARRIVES, row])
+        paid = reward(before, after, told(block, i, I(EFFORT)), told(block, i, I(ARRIVES)) > 0.0)
+        tell(block, i, I(CLEARANCE), least)
+        tell(block, i, I(COST), 1.0 if violates else 0.0)
+        tell(block, i, I(HAS_VIOLATED), 1.0 if has_violated else 0.0)
+        tell(block, i, I(DISTANCE), after)
+        tell(block, i, I(REWARD), paid)
+        flags[i + U(LANES * IS_SUCCESS)] = 1.0 if arrived & (not has_violated) else 0.0
+        flags[i + U(LANES * VIOLATION)] = 1.0 if violates else 0.0
+        flags[i + U(LANES * OUT_OF_BOUNDS)] = 0.0 if is_inside else 1.0
+        flags[i + U(LANES * CRASHES)], flags[i + U(LANES * IS_INVALID)] = crashes, is_invalid
+        flags[i + U(LANES * IS_SATURATED)] = told(block, i, I(SATURATED))
+        flags[i + U(LANES * TERMINATED)] = 1.0 if ends else 0.0
 
 
 @inline_kernel
-def write_rows(seen, scratch, first, count, observations):
-    """Observations in lanes into the rows first … first + count."""
-    size = observations.shape[1]
+def store_closed(block, flag_block, first, count, outcome, flags):
+    """Reward, cost and clearance, and the flags, of the lanes into their lines."""
+    for line in range(outcome.shape[0]):
+        for i in range(U(count)):
+            outcome[line, U(first) + i] = told(block, i, line)
+    for line in range(flags.shape[0]):
+        for i in range(U(count)):
+            flags[line, U(first) + i] = flag_block[U(LANES) * U(line) + i] > 0.0
+
+
+@kernel
+def narrow(numbers, count, out, first):
+    """The first numbers as float32 into ``out`` from ``first`` on."""
+    # Not in wide vectors: a load of 512 bits waits for two stores of 256.
+    for k in range(U(count)):
+        out[U(first) + k] = numbers[k]
+
+
+@inline_kernel
+def write_rows(seen, scratch, first, count, size, rows):
+    """Observations in lanes into the rows first … first + count of a flat array."""
     from_lanes(seen, I(0), scratch, size, I(0), count)
-    flat = observations.reshape(-1)
-    for k in range(U(count * size)):
-        flat[U(first * size) + k] = scratch[k]
+    narrow(scratch, count * size, rows, first * size)
 
 
 @inline_kernel
-def all_true(line):
-    """Whether every flag of a line is set."""
-    for flag in line:
-        if not flag:
-            return False
-    return True
+def slots_of(observations):
+    """How many spheres an observation has."""
+    return (observations.shape[1] - OWN_ENTRIES) // SPHERE_ENTRIES
+
+
+@kernel
+def restore(block, first, count, spheres, rows, snap, yaw_acceleration, table):
+    """The block as it was before it was flown."""
+    load_rows(block, first, count, spheres, rows)
+    load_wishes(block, first, count, snap, yaw_acceleration, table)
 
 
 @kernel
@@ -255,7 +195,8 @@ def advance_batch(
     goal,
     center,
     radius,
-    numbers,
+    table,
+    outcome,
     flags,
     observations,
 ):
@@ -263,42 +204,47 @@ def advance_batch(
 
     A block is flown at once. Where a row crashes or does not fly it is flown again, with care.
     """
-    wide_vectors()
     plant, spheres, size = unpacked(constants), radius.shape[1], observations.shape[1]
-    block, seen, gaps = new_block(SPHERES + PER_SPHERE * spheres), new_block(size), new_block(I(1))
-    scratch = new_block(size)
+    block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
+    seen, scratch = new_block(size + 8), new_block(size)
+    rows, seen_rows = flat_rows(states, goal, center, radius), observations.reshape(-1)
     for first in range(0, states.shape[0], LANES):
         count = min(LANES, states.shape[0] - first)
-        load_rows(block, first, count, states, goal, center, radius)
-        load_wishes(block, first, count, snap, yaw_acceleration, numbers, flags)
+        load_rows(block, first, count, spheres, rows)
+        load_wishes(block, first, count, snap, yaw_acceleration, table)
         fly(block, count, spheres, substeps, plant, rotors)
-        is_flying, crashes = flags[IS_FLYING, first : first + count], flags[CRASH, first : first + count]
-        if count_unsound(block, count, plant.params.thrust_min) > 0 or not all_true(is_flying):
-            load_rows(block, first, count, states, goal, center, radius)
-            load_wishes(block, first, count, snap, yaw_acceleration, numbers, flags)
-            fly_with_care(block, count, spheres, substeps, plant, rotors, is_flying, crashes)
-        from_lanes(block, I(0), states.reshape(-1), I(STATE_SIZE), first, count)
+        if not are_sound(block, count, plant.params.thrust_min):
+            restore(block, first, count, spheres, rows, snap, yaw_acceleration, table)
+            fly_with_care(block, count, spheres, substeps, plant, rotors)
+        from_lanes(block, I(0), rows[0], I(STATE_SIZE), first, count)
         measure_gaps(block, count, spheres, gaps)
-        record_period(block, gaps, first, count, plant, numbers, flags)
+        record_period(block, gaps, count, plant.dt)
         if closes:
             measure_here(block, count, spheres, gaps)
-            close_rows(block, gaps, first, count, plant, numbers, flags)
-            observe(block, count, spheres, plant.params, seen)
-            write_rows(seen, scratch, first, count, observations)
+            close_lanes(block, gaps, count, plant, flag_block)
+            store_closed(block, flag_block, first, count, outcome, flags)
+            observe(block, count, spheres, slots_of(observations), plant.params, seen)
+            write_rows(seen, scratch, first, count, size, seen_rows)
+        for k in range(U(LANES * LINES)):
+            table[U(first * LINES) + k] = block[U(LANES * TABLE) + k]
 
 
 @kernel
-def begin_rows(rows, constants, states, goal, center, radius, numbers, flags):
-    """Tables of rows whose episode begins."""
+def begin_rows(rows, constants, states, goal, center, radius, table, outcome, flags):
+    """What is told of rows whose episode begins."""
     spheres = radius.shape[1]
-    block, gaps = new_block(SPHERES + PER_SPHERE * spheres), new_block(I(1))
+    block, gaps, rows_of = block_of(spheres), new_block(I(1)), flat_rows(states, goal, center, radius)
     for row in rows:
-        load_rows(block, row, I(1), states, goal, center, radius)
+        load_rows(block, row, I(1), spheres, rows_of)
         measure_here(block, I(1), spheres, gaps)
-        clear_step(numbers, flags, row)
-        flags[HAS_ARRIVED, row], flags[HAS_VIOLATED, row] = False, False
-        numbers[CLEARANCE, row], numbers[TIME_AT_GOAL, row] = gaps[0], 0.0
-        numbers[DISTANCE, row] = distance_to(block[0], block[LANES], block[2 * LANES], goal[row])
+        at = row // LANES * LANES * LINES + row % LANES
+        for line in range(LINES):
+            table[at + LANES * line] = 0.0
+        for line in range(FLAGS):
+            flags[line, row] = False
+        table[at + LANES * IS_FLYING] = 1.0
+        table[at + LANES * DISTANCE] = distance_to(block[0], block[LANES], block[2 * LANES], goal[row])
+        outcome[REWARD, row], outcome[COST, row], outcome[CLEARANCE, row] = 0.0, 0.0, gaps[0]
 
 
 @kernel
@@ -317,13 +263,14 @@ def place_rows(rows, constants, start, states):
 def observe_rows(rows, constants, states, goal, center, radius, observations):
     """Observations of the given rows."""
     spheres, size = radius.shape[1], observations.shape[1]
-    block, gaps = new_block(SPHERES + PER_SPHERE * spheres), new_block(I(1))
-    seen, scratch, params = new_block(size), new_block(size), unpacked(constants).params
+    block, gaps, rows_of = block_of(spheres), new_block(I(1)), flat_rows(states, goal, center, radius)
+    seen_rows = observations.reshape(-1)
+    seen, scratch, params = new_block(size + 8), new_block(size), unpacked(constants).params
     for row in rows:
-        load_rows(block, row, I(1), states, goal, center, radius)
+        load_rows(block, row, I(1), spheres, rows_of)
         measure_here(block, I(1), spheres, gaps)
-        observe(block, I(1), spheres, params, seen)
-        write_rows(seen, scratch, row, I(1), observations)
+        observe(block, I(1), spheres, slots_of(observations), params, seen)
+        write_rows(seen, scratch, row, I(1), size, seen_rows)
 
 
 @kernel

@@ -21,7 +21,9 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.state import STATE_SIZE
-from quadsafe_env.world import PlantAccess
+from quadsafe_env.world import INFO_KEYS, PlantAccess
+
+KEYS_AND_MASKS = (*INFO_KEYS, *(f"_{key}" for key in INFO_KEYS))
 
 
 class QuadrotorVectorEnv(PlantAccess, VectorEnv):
@@ -68,6 +70,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             np.inf if max_episode_steps is None else positive_integer("max_episode_steps", max_episode_steps)
         )
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._everyone = np.ones(self.num_envs, dtype=np.bool_)
         self._is_seeded = False
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
@@ -89,7 +92,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         else:
             self._world.reset(rows)
         self._steps[rows] = 0
-        return self._world.observed(), self._with_every_mask(self._world.outcome()[2])
+        return self._world.observed(), told(self._world.outcome()[2], self._everyone)
 
     def step(self, actions: ArrayLike):
         """Fly one policy step in every row.
@@ -99,8 +102,8 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         """
         rows = action_array("actions", actions, (self.num_envs, 4))
         observations = self._world.step(rows)
-        rewards, terminated, info = self._world.outcome()
-        info = self._with_every_mask(info)
+        rewards, terminated, values = self._world.outcome()
+        info = told(values, self._everyone)
         self._steps += 1
         truncated = self._steps >= self._limit
         done = terminated | truncated
@@ -125,7 +128,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         return {
             "final_obs": observations,
             "_final_obs": done.copy(),
-            "final_info": with_masks(self._world.outcome()[2], done),
+            "final_info": told(self._world.outcome()[2], done),
             "_final_info": done.copy(),
         }
 
@@ -136,10 +139,6 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         self._world.observe(ended, observations)
         self._steps[ended] = 0
         return observations
-
-    def _with_every_mask(self, info: dict[str, NDArray]) -> dict[str, Any]:
-        masks = np.ones((len(info), self.num_envs), dtype=np.bool_)
-        return info | {f"_{key}": mask for key, mask in zip(info, masks, strict=True)}
 
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:
@@ -203,6 +202,8 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         return Spheres(self._world.scenes.center.copy(), self._world.scenes.radius.copy())
 
 
-def with_masks(info: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
+def told(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Gymnasium's convention for vector infos: beside every key a mask of the rows that have it."""
-    return info | {f"_{key}": mask.copy() for key in info}
+    masks = np.empty((len(values), len(mask)), dtype=np.bool_)
+    masks[:] = mask
+    return dict(zip(KEYS_AND_MASKS, (*values, *masks), strict=True))

@@ -12,23 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import positive_integer
-from quadsafe_core.lanes import aligned_rows
+from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
 from quadsafe_env.authority import VehicleAuthority, authority, limit_yaw_batch, yaw_range
-from quadsafe_env.episode import (
-    ARRIVES,
-    EFFORT,
-    FLAGS,
-    MEASURES,
-    NUMBERS,
-    advance_batch,
-    begin_rows,
-    command_batch,
-    next_words,
-    observe_rows,
-    place_rows,
-)
+from quadsafe_env.block import LINES
+from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
 from quadsafe_env.flatness import flat_batch
+from quadsafe_env.measure import MEASURES
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.plant import Plant, packed
@@ -37,8 +27,17 @@ from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
 
-# Of the info, in the order of the flags' lines.
-FLAG_KEYS = ("is_success", "violation", "out_of_bounds", "crash", "invalid_action", "saturated")
+# The lines of the outcomes behind the reward, then those of the flags before the end.
+INFO_KEYS = (
+    "cost",
+    "clearance",
+    "is_success",
+    "violation",
+    "out_of_bounds",
+    "crash",
+    "invalid_action",
+    "saturated",
+)
 
 
 class Filtered(Protocol):
@@ -114,6 +113,8 @@ class World:
         check_rates(rates)
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
+        self._periods, self._substeps = rates.control // rates.policy, rates.physics // rates.control
+        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
         self.snap_filter: SnapFilter = PassThrough()
         self.action_scale = np.array(action_scale(action, params))
         self._action, self._has_limits, self._yaw_range = action, rotor_limits, yaw_range(params)
@@ -139,17 +140,14 @@ class World:
         self.states = aligned_rows(n, STATE_SIZE)
         self.scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
         self.words = np.zeros((n, 2), dtype=np.int64)
-        self.numbers, self.flags = np.zeros((NUMBERS, n)), np.zeros((FLAGS, n), dtype=np.bool_)
+        self.outcomes, self.flags = np.zeros((3, n)), np.zeros((FLAGS, n), dtype=np.bool_)
         self._seeds = np.zeros((n, 2), dtype=np.int64)
         self._episodes = np.zeros(n, dtype=np.int64)
-        self._commands, self._flat = np.zeros((n, 4)), np.zeros((n, 4, 3))
+        blocks = -(-n // LANES)
+        self._table, self._commands = np.zeros(blocks * LANES * LINES), np.zeros(blocks * LANES * 4)
+        self._flat = np.zeros((n, 4, 3))
         self._snap, self._yaw_acceleration = np.zeros((n, 3)), np.zeros(n)
         place_rows(np.arange(n), self._constants, self.scenes.start, self.states)
-
-    @property
-    def observation_size(self) -> int:
-        """Entries of one observation."""
-        return OWN_ENTRIES + SPHERE_ENTRIES * self.task.observed_spheres
 
     @property
     def is_shielded(self) -> bool:
@@ -189,7 +187,15 @@ class World:
         self._begin(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
-        begin_rows(rows, self._constants, self.states, *self._goal_and_spheres, self.numbers, self.flags)
+        begin_rows(
+            rows,
+            self._constants,
+            self.states,
+            *self._goal_and_spheres,
+            self._table,
+            self.outcomes,
+            self.flags,
+        )
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
         self.snap_filter.reset(mask)
@@ -211,15 +217,25 @@ class World:
     def step(self, actions: NDArray) -> NDArray[np.float32]:
         """One policy step of every row under actions (N, 4); the observations after it, a fresh array."""
         observations = np.empty((self.n, self.observation_size), dtype=np.float32)
-        command_batch(actions, self._constants, self.is_shielded, self._commands, self.numbers, self.flags)
-        for left in range(self.rates.control // self.rates.policy - 1, -1, -1):
-            self._control_period(left == 0, observations)
+        for period in range(self._periods):
+            self._control_period(actions, observations, period == 0, period == self._periods - 1)
         return observations
 
-    def _control_period(self, closes: bool, observations: NDArray[np.float32]) -> None:
+    def _control_period(
+        self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
+    ) -> None:
         snap, yaw_acceleration = self._snap, self._yaw_acceleration
         MEASURES[self._action](
-            self._constants, self.states, self._commands, self.flags, self._flat, snap, yaw_acceleration
+            self._constants,
+            opens,
+            self.is_shielded,
+            actions,
+            self.states,
+            self._commands,
+            self._table,
+            self._flat,
+            snap,
+            yaw_acceleration,
         )
         if self._has_limits:
             limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
@@ -228,7 +244,7 @@ class World:
         advance_batch(
             self._constants,
             self._rotors,
-            self.rates.physics // self.rates.control,
+            self._substeps,
             closes,
             self.states,
             safe.snap,
@@ -236,27 +252,33 @@ class World:
             goal,
             center,
             radius,
-            self.numbers,
+            self._table,
+            self.outcomes,
             self.flags,
             observations,
         )
 
-    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
-        """Rewards, ends and info of the last step, fresh arrays (N,)."""
-        rewards, cost, clearance = self.numbers[:EFFORT].copy()
-        *flags, terminated = self.flags[:ARRIVES].copy()
-        info = {"cost": cost, "clearance": clearance, **dict(zip(FLAG_KEYS, flags, strict=True))}
-        return rewards, terminated, info
+    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], tuple[NDArray, ...]]:
+        """Rewards, ends and the values of the info of the last step, fresh arrays (N,)."""
+        rewards, cost, clearance = self.outcomes.copy()
+        *flags, terminated = self.flags.copy()
+        return rewards, terminated, (cost, clearance, *flags)
 
     def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
         """Reward, end and info of the only row."""
-        reward, cost, clearance = self.numbers[:EFFORT, 0].tolist()
-        *flags, terminated = self.flags[:ARRIVES, 0].tolist()
-        return (
-            reward,
-            terminated,
-            {"cost": cost, "clearance": clearance, **dict(zip(FLAG_KEYS, flags, strict=True))},
-        )
+        reward, cost, clearance = self.outcomes.reshape(-1).tolist()
+        success, violation, is_out, crash, invalid, saturated, terminated = self.flags.reshape(-1).tolist()
+        info = {
+            "cost": cost,
+            "clearance": clearance,
+            "is_success": success,
+            "violation": violation,
+            "out_of_bounds": is_out,
+            "crash": crash,
+            "invalid_action": invalid,
+            "saturated": saturated,
+        }
+        return reward, terminated, info
 
 
 class PlantAccess:
