@@ -6,12 +6,9 @@ The waist is (snap, yaw acceleration): every action interface ends in a desired 
 the safe one over the control period at the physics rate. With or without a filter nothing else differs.
 """
 
-from typing import NamedTuple, Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import positive_integer
 from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
 from quadsafe_env.authority import VehicleAuthority, authority, limit_yaw_batch, yaw_range
@@ -22,8 +19,10 @@ from quadsafe_env.measure import MEASURES
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.plant import Plant, packed
+from quadsafe_env.rates import Rates, check_rates
 from quadsafe_env.rotors import limited_rotors
 from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
+from quadsafe_env.slot import Filtered, Passed, PassThrough, SnapFilter
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
 
@@ -39,49 +38,7 @@ INFO_KEYS = (
     "saturated",
 )
 
-
-class Filtered(Protocol):
-    """What a filter answers with: at least the safe snap (N, 3)."""
-
-    @property
-    def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
-
-
-class SnapFilter(Protocol):
-    """The slot between the desired and the safe snap, called once per control period."""
-
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
-        """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
-        ...
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the rows of ``mask``: their next call belongs to a new episode."""
-        ...
-
-
-class Passed(NamedTuple):
-    """The answer of ``PassThrough``."""
-
-    snap: NDArray[np.float64]
-
-
-class PassThrough:
-    """The empty slot: the desired snap is applied."""
-
-    def filter(self, flat, center, radius, snap, period):
-        """Return the desired snap."""
-        return Passed(snap)
-
-    def reset(self, mask):
-        """Nothing to forget."""
-
-
-class Rates(NamedTuple):
-    """Policy, control and physics rates, Hz; each divides the next."""
-
-    policy: int
-    control: int
-    physics: int
+__all__ = ["Filtered", "PassThrough", "Passed", "PlantAccess", "Rates", "SnapFilter", "World"]
 
 
 class World:
@@ -318,17 +275,3 @@ class PlantAccess:
     @snap_filter.setter
     def snap_filter(self, value: SnapFilter) -> None:
         self._world.snap_filter = value
-
-
-def check_rates(rates: Rates) -> None:
-    """Each rate a positive integer that divides the next.
-
-    Raises:
-        ValueError: naming the rate that does not fit.
-    """
-    for name, value in zip(rates._fields, rates, strict=True):
-        positive_integer(f"{name}_hz", value)
-    if rates.control % rates.policy:
-        raise ValueError(f"policy_hz must divide control_hz, got {rates.policy} and {rates.control}")
-    if rates.physics % rates.control:
-        raise ValueError(f"control_hz must divide physics_hz, got {rates.control} and {rates.physics}")

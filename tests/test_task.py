@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
+from quadsafe_core.jit import kernel
 from quadsafe_env.actions import action_scale, velocity_gains
 from quadsafe_env.episode import observe_rows
 from quadsafe_env.flatness import flat_state
 from quadsafe_env.obstacles import clearance, spheres_from_rows
 from quadsafe_env.params import PRESETS
-from quadsafe_env.plant import Plant, packed
+from quadsafe_env.plant import Plant, packed, unpacked
 from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, VELOCITY, hover_state
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
 
@@ -63,6 +64,19 @@ def table(state, goal, center, radius, slots):
     for slot, k in enumerate(present[np.argsort(gaps, kind="stable")][:slots]):
         rows[slot] = [*(center[k] - r) / 4, radius[k] / 2, 1.0]
     return np.clip(np.concatenate([*own, rows.ravel()]), -1.0, 1.0)
+
+
+@kernel
+def plant_again(numbers):
+    return unpacked(numbers)
+
+
+@pytest.mark.interpreted
+def test_packed_plant_is_unpacked_again():
+    numbers = np.random.default_rng(0).permutation(packed(PLANT))
+    assert packed(plant_again(packed(PLANT))).tolist() == packed(PLANT).tolist()
+    # Every number has its own place.
+    assert packed(plant_again(numbers)).tolist() == numbers.tolist()
 
 
 @pytest.mark.interpreted
