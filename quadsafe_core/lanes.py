@@ -47,6 +47,16 @@ def _fma(typing_context, a, b, c):
     return types.float64(types.float64, types.float64, types.float64), emit
 
 
+def _address(typing_context, array):
+    """Address of the first number."""
+
+    def emit(context, builder, signature, arguments):
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.ptrtoint(data, ir.IntType(64))
+
+    return types.int64(array), emit
+
+
 def _tile_to_lanes(typing_context, rows, start, stride, block, at):
     """``block[at + LANES j + i] = rows[start + stride i + j]`` for i < 8, j < 4."""
 
@@ -129,6 +139,7 @@ def _either(compiled: Callable, plain: Callable) -> Callable:
 
 
 wide_vectors = _either(_wide_vectors, lambda: None)
+address = _either(_address, lambda array: array.ctypes.data)
 fma = _either(_fma, lambda a, b, c: a * b + c)
 tile_to_lanes = _either(_tile_to_lanes, _plain_tile_to_lanes)
 tile_from_lanes = _either(_tile_from_lanes, _plain_tile_from_lanes)
@@ -144,7 +155,7 @@ def fused_dot(a, b):
 def aligned(count):
     """Numbers from the start of a cache line on: a vector across two lines costs twice."""
     memory = np.empty(count + LINE)
-    first = LINE - memory.ctypes.data // 8 % LINE
+    first = LINE - address(memory) // 8 % LINE
     return memory[first : first + count]
 
 
