@@ -7,7 +7,7 @@ them the shield changes is in the table. The reference is a copy of as many numb
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -45,13 +45,13 @@ def scene(n: int, k: int, seed: int = 0) -> tuple[np.ndarray, ...]:
     return flat, center, radius, rng.normal(size=(n, 3)) * 50.0
 
 
-def row(name: str, n: int, arrays: tuple[np.ndarray, ...]) -> str:
+def row(name: str, n: int, arrays: Iterable[np.ndarray]) -> str:
     """One line: time per call and per plant, plants per second, what the shield changed, the copy."""
-    shield = Shield()
+    shield, (flat, center, radius, snap) = Shield(), arrays
     for _ in range(3):
-        answer = shield.filter(*arrays, PERIOD)
-    took = median(lambda: shield.filter(*arrays, PERIOD).snap)
-    copied = median(lambda: [array.copy() for array in arrays])
+        answer = shield.filter(flat, center, radius, snap, PERIOD)
+    took = median(lambda: shield.filter(flat, center, radius, snap, PERIOD).snap)
+    copied = median(lambda: [array.copy() for array in (flat, center, radius, snap)])
     changed = 100 * float(np.mean(answer.intervened))
     numbers = (
         f"{1e6 * took:12.2f}{1e9 * took / n:12.0f}{n / took / 1e6:14.2f}{changed:12.1f}{1e6 * copied:12.2f}"

@@ -1,9 +1,12 @@
 """Argument checks of the public functions: one sentence naming the argument, what was expected, what came."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+FLOAT = np.dtype(np.float64)
 
 
 def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
@@ -16,15 +19,22 @@ def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()
 
 def shaped_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
     """``value`` as C-ordered float64 with the last axes as in ``trailing``; entries may be non-finite."""
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
-    array = array.reshape(np.shape(value))
+    if type(value) is np.ndarray and value.dtype == FLOAT and value.flags.c_contiguous:
+        array = value
+    else:
+        array = _as_array(name, value)
     if not _ends_in(array.shape, trailing):
         wanted = ", ".join(["…", *map(str, trailing)])
         raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
     return array
+
+
+def _as_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
+    return array.reshape(np.shape(value))
 
 
 def finite_number(name: str, value: float) -> float:
@@ -34,6 +44,8 @@ def finite_number(name: str, value: float) -> float:
 
 def positive_number(name: str, value: float) -> float:
     """``value`` as a finite float above zero."""
+    if type(value) is float and 0.0 < value < math.inf:
+        return value
     return _number(name, value, "a finite number > 0", lambda x: np.isfinite(x) and x > 0)
 
 
@@ -76,5 +88,7 @@ def _first_non_finite(array: NDArray) -> str:
 def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
     if len(shape) < len(trailing):
         return False
+    if shape[len(shape) - len(trailing) :] == trailing:
+        return True
     found = shape[len(shape) - len(trailing) :]
     return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))

@@ -16,6 +16,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable)
 
@@ -81,19 +82,36 @@ def _compiled(function: F, **options) -> F:
     room = function.__module__.partition(".")[0]
     folder = _folder_of(room) if room in REACH else None
     if folder is None:
-        return cast(F, numba.njit(error_model="numpy", no_cfunc_wrapper=True, **options)(function))
+        return cast(F, numba.njit(error_model="numpy", **options)(function))
     with _numba_cache_in(folder):
-        return cast(F, numba.njit(cache=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function))
+        return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
 
 
 def kernel(function: F) -> F:
     """Compile a scalar kernel or a loop over rows: cached, IEEE division, no fastmath."""
-    return _compiled(function)
+    return _compiled(function, no_cfunc_wrapper=True)
+
+
+class _Inlined(CPUDispatcher):
+    """A helper compiled only into its callers; called from Python, it is compiled once more."""
+
+    twin: Callable | None = None
+
+    def __call__(self, *args):
+        if self.twin is None:
+            self.twin = numba.njit(error_model="numpy")(self.py_func)
+        return self.twin(*args)
 
 
 def inline_kernel(function: F) -> F:
-    """Compile a small helper that is always inlined into the kernel that calls it."""
-    return _compiled(function, forceinline=True)
+    """Compile a small helper that is always inlined into the kernel that calls it.
+
+    The code that would let Python call it takes longer to compile than the helper itself.
+    """
+    inlined = _compiled(function, forceinline=True, no_cfunc_wrapper=True, no_cpython_wrapper=True)
+    if isinstance(inlined, CPUDispatcher):
+        cast(Any, inlined).__class__ = _Inlined
+    return cast(F, inlined)
 
 
 @contextmanager

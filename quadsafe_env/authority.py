@@ -90,11 +90,6 @@ def yaw_range(params: "QuadrotorParams | str") -> YawRange:
     return YawRange(YAW_RATE, min(2.0 * YAW_RATE * YAW_RATE_POLE, available))
 
 
-def any_yaw() -> YawRange:
-    """No bounds."""
-    return YawRange(math.inf, math.inf)
-
-
 def steering_thrust(
     thrust: float, snap: float, jerk: float, yaw: YawRange, params: "QuadrotorParams | str"
 ) -> float:

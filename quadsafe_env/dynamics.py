@@ -4,21 +4,38 @@ m r̈ = −m g e3 + f_z Q e3        Q̇ = Q ω̂
 J ω̇ = −ω̂ J ω + τ                f̈_z = F_z
 """
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, positive_number
+from quadsafe_core.checks import finite_array, positive_number, shaped_array
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_core.vec3 import dot
+from quadsafe_core.lanes import (
+    LANES,
+    I,
+    U,
+    aligned_rows,
+    fma,
+    from_lanes,
+    fused_dot,
+    new_block,
+    to_lanes,
+    wide_vectors,
+)
 from quadsafe_env.params import QuadrotorParams, params_from
 from quadsafe_env.state import (
+    ATTITUDE,
     STATE_SIZE,
     WRENCH_SIZE,
     body_z,
     broadcast_rows,
+    lane_state,
+    lane_triple,
     load,
     omega_of,
     store,
+    store_lane,
 )
 
 
@@ -28,25 +45,25 @@ def angular_acceleration(omega, torque, params):
     Jx, Jy, Jz = params.inertia
     x, y, z = omega
     return (
-        (torque[0] - (Jz - Jy) * y * z) / Jx,
-        (torque[1] - (Jx - Jz) * z * x) / Jy,
-        (torque[2] - (Jy - Jx) * x * y) / Jz,
+        fma((Jy - Jz) / Jx, y * z, torque[0] * (1.0 / Jx)),
+        fma((Jz - Jx) / Jy, z * x, torque[1] * (1.0 / Jy)),
+        fma((Jx - Jy) / Jz, x * y, torque[2] * (1.0 / Jz)),
     )
 
 
 @inline_kernel
 def acceleration(s, params):
     """(29): ``r̈ = f_z Q e3 / m − g e3``."""
-    lift = s[18] / params.mass
+    lift = s[18] * (1.0 / params.mass)
     z = body_z(s)
-    return (lift * z[0], lift * z[1], lift * z[2] - params.gravity)
+    return (lift * z[0], lift * z[1], fma(lift, z[2], -params.gravity))
 
 
 @inline_kernel
 def row_rate(a, b, c, omega):
     """A row (a, b, c) of ``Q ω̂``."""
     x, y, z = omega
-    return (b * z - c * y, c * x - a * z, a * y - b * x)
+    return (fma(b, z, -(c * y)), fma(c, x, -(a * z)), fma(a, y, -(b * x)))
 
 
 @inline_kernel
@@ -70,10 +87,11 @@ def axpy(h, k, s):
     """``s + h k`` on state tuples."""
     # fmt: off
     return (
-        s[0] + h * k[0], s[1] + h * k[1], s[2] + h * k[2], s[3] + h * k[3], s[4] + h * k[4],
-        s[5] + h * k[5], s[6] + h * k[6], s[7] + h * k[7], s[8] + h * k[8], s[9] + h * k[9],
-        s[10] + h * k[10], s[11] + h * k[11], s[12] + h * k[12], s[13] + h * k[13], s[14] + h * k[14],
-        s[15] + h * k[15], s[16] + h * k[16], s[17] + h * k[17], s[18] + h * k[18], s[19] + h * k[19],
+        fma(h, k[0], s[0]), fma(h, k[1], s[1]), fma(h, k[2], s[2]), fma(h, k[3], s[3]),
+        fma(h, k[4], s[4]), fma(h, k[5], s[5]), fma(h, k[6], s[6]), fma(h, k[7], s[7]),
+        fma(h, k[8], s[8]), fma(h, k[9], s[9]), fma(h, k[10], s[10]), fma(h, k[11], s[11]),
+        fma(h, k[12], s[12]), fma(h, k[13], s[13]), fma(h, k[14], s[14]), fma(h, k[15], s[15]),
+        fma(h, k[16], s[16]), fma(h, k[17], s[17]), fma(h, k[18], s[18]), fma(h, k[19], s[19]),
     )
     # fmt: on
 
@@ -81,10 +99,11 @@ def axpy(h, k, s):
 @inline_kernel
 def times_symmetric(a, b, c, diagonal, off):
     """Row (a, b, c) times the symmetric matrix with this diagonal and off-diagonal (xy, yz, zx)."""
+    row = (a, b, c)
     return (
-        a * diagonal[0] + b * off[0] + c * off[2],
-        a * off[0] + b * diagonal[1] + c * off[1],
-        a * off[2] + b * off[1] + c * diagonal[2],
+        fused_dot(row, (diagonal[0], off[0], off[2])),
+        fused_dot(row, (off[0], diagonal[1], off[1])),
+        fused_dot(row, (off[2], off[1], diagonal[2])),
     )
 
 
@@ -92,8 +111,12 @@ def times_symmetric(a, b, c, diagonal, off):
 def orthonormal(s):
     """One Newton–Schulz correction ``Q ← Q(3I − QᵀQ)/2``: an error ε of QᵀQ becomes about 3ε²/4."""
     x, y, z = (s[6], s[9], s[12]), (s[7], s[10], s[13]), (s[8], s[11], s[14])
-    diagonal = (1.5 - 0.5 * dot(x, x), 1.5 - 0.5 * dot(y, y), 1.5 - 0.5 * dot(z, z))
-    off = (-0.5 * dot(x, y), -0.5 * dot(y, z), -0.5 * dot(z, x))
+    diagonal = (
+        fma(-0.5, fused_dot(x, x), 1.5),
+        fma(-0.5, fused_dot(y, y), 1.5),
+        fma(-0.5, fused_dot(z, z), 1.5),
+    )
+    off = (-0.5 * fused_dot(x, y), -0.5 * fused_dot(y, z), -0.5 * fused_dot(z, x))
     return (
         *s[0:6],
         *times_symmetric(s[6], s[7], s[8], diagonal, off),
@@ -125,10 +148,27 @@ def derivative_batch(states, wrenches, params, out):
 
 @kernel
 def step_batch(states, wrenches, params, dt, out):
-    """Rows of ``rk4_step``; ``out`` may be ``states``."""
-    for i in range(states.shape[0]):
-        w = wrenches[i]
-        store(out[i], rk4_step(load(states[i]), (w[0], w[1], w[2], w[3]), params, dt))
+    """Rows of ``rk4_step``; ``out`` may be ``states``. Whether all of them are finite.
+
+    Every entry of a state and of a wrench reaches, if not finite, the new position or attitude.
+    """
+    wide_vectors()
+    vehicle = QuadrotorParams(*params)
+    block = new_block(I(STATE_SIZE + WRENCH_SIZE + 1))
+    total = block[LANES * (STATE_SIZE + WRENCH_SIZE) :]
+    total[:] = 0.0
+    rows, wrench_rows, out_rows = states.reshape(-1), wrenches.reshape(-1), out.reshape(-1)
+    for first in range(0, states.shape[0], LANES):
+        count = min(LANES, states.shape[0] - first)
+        to_lanes(rows, I(STATE_SIZE), first, count, block, I(0))
+        to_lanes(wrench_rows, I(WRENCH_SIZE), first, count, block, I(STATE_SIZE))
+        for i in range(U(count)):
+            wrench = (*lane_triple(block, i + U(LANES * STATE_SIZE)), block[i + U(LANES * 23)])
+            s = rk4_step(lane_state(block, i), wrench, vehicle, dt)
+            store_lane(block, i, s)
+            block[i + U(LANES * 24)] += s[0] + s[1] + s[2] + s[ATTITUDE]
+        from_lanes(block, I(0), out_rows, I(STATE_SIZE), first, count)
+    return abs(total.sum()) < math.inf
 
 
 def derivative(state: ArrayLike, wrench: ArrayLike, params: "QuadrotorParams | str") -> NDArray[np.float64]:
@@ -147,7 +187,10 @@ def derivative(state: ArrayLike, wrench: ArrayLike, params: "QuadrotorParams | s
 
     Reference: equation (29).
     """
-    (states, wrenches), leading = _checked_rows(state, wrench)
+    (states, wrenches), leading = broadcast_rows(
+        state=finite_array("state", state, (STATE_SIZE,)),
+        wrench=finite_array("wrench", wrench, (WRENCH_SIZE,)),
+    )
     out = np.empty_like(states)
     derivative_batch(states, wrenches, params_from(params), out)
     return out.reshape(*leading, STATE_SIZE)
@@ -174,14 +217,12 @@ def step(
 
     Reference: equation (29).
     """
-    (states, wrenches), leading = _checked_rows(state, wrench)
-    out = np.empty_like(states)
-    step_batch(states, wrenches, params_from(params), positive_number("dt", dt), out)
-    return out.reshape(*leading, STATE_SIZE)
-
-
-def _checked_rows(state: ArrayLike, wrench: ArrayLike):
-    return broadcast_rows(
-        state=finite_array("state", state, (STATE_SIZE,)),
-        wrench=finite_array("wrench", wrench, (WRENCH_SIZE,)),
+    (states, wrenches), leading = broadcast_rows(
+        state=shaped_array("state", state, (STATE_SIZE,)),
+        wrench=shaped_array("wrench", wrench, (WRENCH_SIZE,)),
     )
+    out = aligned_rows(*states.shape)
+    if not step_batch(states, wrenches, tuple(params_from(params)), positive_number("dt", dt), out):
+        finite_array("state", state)
+        finite_array("wrench", wrench)
+    return out.reshape(*leading, STATE_SIZE)

@@ -1,5 +1,6 @@
 """One quadrotor as a ``gymnasium.Env``."""
 
+import math
 from typing import Any
 
 import gymnasium
@@ -116,7 +117,7 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
             self._world.reset_to(ROW, key_words(scene))
         else:
             self._world.reset(ROW)
-        return self._world.observations[0].copy(), self._info()
+        return self._world.observed()[0], self._world.outcome_of_one()[2]
 
     def step(self, action: ArrayLike):
         """Fly one policy step.
@@ -125,17 +126,11 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
             TypeError, ValueError: for no numbers, a wrong shape, or a non-finite action without a shield.
         """
         row = action_array("action", action, (4,))
-        if not self._world.is_shielded and not np.isfinite(row).all():
+        if not self._world.is_shielded and not math.isfinite(sum(row.tolist())):
             raise ValueError(f"action must be finite, got {row.tolist()}")
-        self._world.step(row[np.newaxis])
-        observation = self._world.observations[0].copy()
-        return (
-            observation,
-            float(self._world.rewards[0]),
-            bool(self._world.terminated()[0]),
-            False,
-            self._info(),
-        )
+        observation = self._world.step(row.reshape(1, 4))[0]
+        reward, terminated, info = self._world.outcome_of_one()
+        return observation, reward, terminated, False, info
 
     def render(self):
         """An RGB frame (480, 480, 3) of the scene, or None without a render mode."""
@@ -144,9 +139,6 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
         from quadsafe_env.render import frame
 
         return frame(self.state, self.goal, self.obstacles, self.params, self._world.scenes.start[0])
-
-    def _info(self) -> dict[str, Any]:
-        return {key: value[0].item() for key, value in self._world.info().items()}
 
     def flat_state(self) -> NDArray[np.float64]:
         """Flat state (4, 3): r, ṙ, r̈, r⃛ in the world frame."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array
 from quadsafe_core.jit import inline_kernel, kernel
+from quadsafe_core.lanes import fma
 from quadsafe_env.dynamics import acceleration, angular_acceleration
 from quadsafe_env.params import QuadrotorParams, params_from
 from quadsafe_env.state import (
@@ -35,8 +36,9 @@ from quadsafe_env.state import (
 @inline_kernel
 def jerk(s, params):
     """(31), first line with its dots: ``r⃛ = (ḟ_z Q e3 + f_z Q ω̂ e3) / m``."""
-    m, f = params.mass, s[18]
-    return to_world(s, (f * s[16] / m, -f * s[15] / m, s[19] / m))
+    per_mass = 1.0 / params.mass
+    lift = s[18] * per_mass
+    return to_world(s, (lift * s[16], -lift * s[15], s[19] * per_mass))
 
 
 @inline_kernel
@@ -74,13 +76,13 @@ def wrench_from_snap_kernel(s, snap, yaw_acceleration, params):
     # Written out so that interpreted and compiled code agree at the singularity.
     per_thrust = 1.0 / f if f != 0.0 else math.nan
     u = to_body(s, snap)
-    spin_x = -(m * u[1] + 2.0 * df * x) * per_thrust + y * z
-    spin_y = (m * u[0] - 2.0 * df * y) * per_thrust - x * z
+    spin_x = fma(y, z, -fma(m, u[1], 2.0 * df * x) * per_thrust)
+    spin_y = fma(-x, z, fma(m, u[0], -2.0 * df * y) * per_thrust)
     return (
-        m * u[2] + f * (x * x + y * y),
-        Jx * spin_x + (Jz - Jy) * y * z,
-        Jy * spin_y + (Jx - Jz) * z * x,
-        Jz * yaw_acceleration + (Jy - Jx) * x * y,
+        fma(m, u[2], f * fma(x, x, y * y)),
+        fma(Jx, spin_x, (Jz - Jy) * (y * z)),
+        fma(Jy, spin_y, (Jx - Jz) * (z * x)),
+        fma(Jz, yaw_acceleration, (Jy - Jx) * (x * y)),
     )
 
 

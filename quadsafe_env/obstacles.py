@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.checks import finite_array
 from quadsafe_core.jit import inline_kernel
+from quadsafe_core.lanes import fused_dot
 
 NO_OBSTACLE = math.inf
 
@@ -25,10 +26,16 @@ class Spheres(NamedTuple):
 
 
 @inline_kernel
+def squared_distance(x, y, z, center):
+    """Square of the distance from (x, y, z) to a centre (3,)."""
+    between = (x - center[0], y - center[1], z - center[2])
+    return fused_dot(between, between)
+
+
+@inline_kernel
 def distance_to(x, y, z, center):
     """Euclidean distance from (x, y, z) to a centre (3,)."""
-    dx, dy, dz = x - center[0], y - center[1], z - center[2]
-    return math.sqrt(dx * dx + dy * dy + dz * dz)
+    return math.sqrt(squared_distance(x, y, z, center))
 
 
 @inline_kernel
@@ -42,16 +49,9 @@ def clearance(x, y, z, center, radius):
 
 
 @inline_kernel
-def nearest_after(x, y, z, center, radius, last_gap, last_index):
-    """Index of the next nearest keep-out sphere after (last_gap, last_index); −1 when there is none."""
-    best, best_gap = -1, NO_OBSTACLE
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
-            gap = distance_to(x, y, z, center[k]) - radius[k]
-            is_new = gap > last_gap or (gap == last_gap and k > last_index)
-            if is_new and gap < best_gap:
-                best, best_gap = k, gap
-    return best, best_gap
+def comes_after(gap, index, last_gap, last_index):
+    """Whether a sphere comes after another in the order of their distances; ties keep the order given."""
+    return (gap > last_gap) | ((gap == last_gap) & (index > last_index))
 
 
 def spheres_from_rows(rows: Sequence[Sequence[float]], vehicle_radius: float) -> Spheres:

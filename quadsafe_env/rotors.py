@@ -18,7 +18,6 @@ the acceleration is not the one that the state's f_z stands for. There is no sto
 thrust counts as crashed at thrust_min > 0. Where nothing is clipped the step is (29), bit for bit.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +41,7 @@ class Rotors(NamedTuple):
 @inline_kernel
 def mixed(thrust, torque, lever):
     """Thrusts of the four rotors that give a collective and a torque."""
-    x, y, z = torque[0] / lever[0], torque[1] / lever[1], torque[2] / lever[2]
+    x, y, z = torque[0] * (1.0 / lever[0]), torque[1] * (1.0 / lever[1]), torque[2] * (1.0 / lever[2])
     return (
         0.25 * (thrust + x - y + z),
         0.25 * (thrust + x + y - z),
@@ -70,32 +69,40 @@ def within(value, low, high):
 @inline_kernel
 def any_outside(a, b, low, high):
     """Whether a or b lies beyond [low, high]; nan does not."""
-    return a < low or a > high or b < low or b > high
+    return (a < low) | (a > high) | (b < low) | (b > high)
 
 
 @inline_kernel
-def within_range(thrusts, rotors):
+def within_range(thrusts, low, high):
     """Four thrusts, each clipped to the range of a rotor, and whether that changed one."""
-    low, high = rotors.thrust_min, rotors.thrust_max
     a, b, c, d = thrusts
-    is_clipped = any_outside(a, b, low, high) or any_outside(c, d, low, high)
+    is_clipped = any_outside(a, b, low, high) | any_outside(c, d, low, high)
     return (within(a, low, high), within(b, low, high), within(c, low, high), within(d, low, high)), is_clipped
 
 
 @inline_kernel
 def limited_step(s, wrench, params, rotors, dt):
-    """``rk4_step`` with each rotor kept to its range; the state after it, and whether one was at a stop."""
-    thrusts, is_clipped = within_range(mixed(s[18], wrench[1:4], rotors.lever), rotors)
-    shortfall, torque = 0.0, wrench[1:4]
-    if is_clipped:
-        collective, torque = collected(thrusts, rotors.lever)
-        shortfall = s[18] - collective
-    flown = (*s[0:18], s[18] - shortfall, s[19])
-    after = rk4_step(flown, (wrench[0], *torque), params, dt)
-    thrust, rate = after[18] + shortfall, after[19]
-    if thrust > 4.0 * rotors.thrust_max:
-        thrust, rate, is_clipped = 4.0 * rotors.thrust_max, within(rate, -math.inf, 0.0), True
-    return (*after[0:18], thrust, rate), is_clipped
+    """``rk4_step`` with each rotor kept to its range; the state after it, and whether one was at a stop.
+
+    ``rotors`` are the fields of ``Rotors``, or None: then it is ``rk4_step``.
+    """
+    if rotors is None:
+        return rk4_step(s, wrench, params, dt), False
+    lever, low, high = rotors
+    asked = wrench[1:4]
+    thrusts, is_clipped = within_range(mixed(s[18], asked, lever), low, high)
+    collective, given = collected(thrusts, lever)
+    # Selected number by number: a branch would end the vector code.
+    shortfall = s[18] - collective if is_clipped else 0.0
+    x = given[0] if is_clipped else asked[0]
+    y = given[1] if is_clipped else asked[1]
+    z = given[2] if is_clipped else asked[2]
+    after = rk4_step((*s[0:18], s[18] - shortfall, s[19]), (wrench[0], x, y, z), params, dt)
+    thrust, most = after[18] + shortfall, 4.0 * high
+    is_over = thrust > most
+    thrust = most if is_over else thrust
+    rate = 0.0 if is_over & (after[19] > 0.0) else after[19]
+    return (*after[0:18], thrust, rate), is_clipped | is_over
 
 
 @kernel
@@ -128,11 +135,6 @@ def levers(params: QuadrotorParams) -> tuple[float, float, float]:
 def limited_rotors(params: QuadrotorParams) -> Rotors:
     """Rotors that give [0, thrust_max/4] each."""
     return Rotors(levers(params), 0.0, params.thrust_max / 4.0)
-
-
-def unlimited_rotors(params: QuadrotorParams) -> Rotors:
-    """Rotors that give any thrust, negative too: (29) as it stands."""
-    return Rotors(levers(params), -math.inf, math.inf)
 
 
 def rotor_thrusts(thrust: ArrayLike, torque: ArrayLike, params: "QuadrotorParams | str") -> NDArray[np.float64]:

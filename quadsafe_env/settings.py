@@ -25,6 +25,7 @@ TASKS = {
     ),
 }
 RENDER_MODES = ("rgb_array",)
+FLOAT = np.dtype(np.float32)
 
 
 def build_world(
@@ -111,6 +112,8 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     Raises:
         TypeError, ValueError: for anything else.
     """
+    if type(value) is np.ndarray and value.dtype == FLOAT and value.flags.c_contiguous and value.shape == shape:
+        return value
     try:
         array = np.ascontiguousarray(value, dtype=np.float32)
     except (TypeError, ValueError) as error:

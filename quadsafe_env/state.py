@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array
 from quadsafe_core.jit import inline_kernel
+from quadsafe_core.lanes import LANES, U, fused_dot
 from quadsafe_env.params import QuadrotorParams, params_from
 
 POSITION = 0
@@ -47,6 +48,39 @@ def store(row, s):
 
 
 @inline_kernel
+def lane_triple(block, at):
+    """Three entries of a lane, from the place ``at`` on."""
+    return (block[at], block[at + U(LANES)], block[at + U(2 * LANES)])
+
+
+@inline_kernel
+def lane_state(block, i):
+    """Entries 0 to 20 of lane i as a tuple."""
+    r, v = lane_triple(block, i), lane_triple(block, i + U(LANES * 3))
+    q0, q1 = lane_triple(block, i + U(LANES * 6)), lane_triple(block, i + U(LANES * 9))
+    q2, omega = lane_triple(block, i + U(LANES * 12)), lane_triple(block, i + U(LANES * 15))
+    return r + v + q0 + q1 + q2 + omega + (block[i + U(LANES * 18)], block[i + U(LANES * 19)])
+
+
+@inline_kernel
+def store_triple(block, at, triple):
+    """Write three entries of a lane, from the place ``at`` on."""
+    block[at], block[at + U(LANES)], block[at + U(2 * LANES)] = triple
+
+
+@inline_kernel
+def store_lane(block, i, s):
+    """Write a 20-tuple into entries 0 to 20 of lane i."""
+    store_triple(block, i, s[0:3])
+    store_triple(block, i + U(LANES * 3), s[3:6])
+    store_triple(block, i + U(LANES * 6), s[6:9])
+    store_triple(block, i + U(LANES * 9), s[9:12])
+    store_triple(block, i + U(LANES * 12), s[12:15])
+    store_triple(block, i + U(LANES * 15), s[15:18])
+    block[i + U(LANES * 18)], block[i + U(LANES * 19)] = s[18], s[19]
+
+
+@inline_kernel
 def omega_of(s):
     """Angular velocity ω, body frame."""
     return s[15:18]
@@ -61,20 +95,16 @@ def body_z(s):
 @inline_kernel
 def to_world(s, b):
     """``Q b``."""
-    return (
-        s[6] * b[0] + s[7] * b[1] + s[8] * b[2],
-        s[9] * b[0] + s[10] * b[1] + s[11] * b[2],
-        s[12] * b[0] + s[13] * b[1] + s[14] * b[2],
-    )
+    return (fused_dot(s[6:9], b), fused_dot(s[9:12], b), fused_dot(s[12:15], b))
 
 
 @inline_kernel
 def to_body(s, w):
     """``Qᵀ w``."""
     return (
-        s[6] * w[0] + s[9] * w[1] + s[12] * w[2],
-        s[7] * w[0] + s[10] * w[1] + s[13] * w[2],
-        s[8] * w[0] + s[11] * w[1] + s[14] * w[2],
+        fused_dot((s[6], s[9], s[12]), w),
+        fused_dot((s[7], s[10], s[13]), w),
+        fused_dot((s[8], s[11], s[14]), w),
     )
 
 
@@ -109,6 +139,9 @@ def hover_state(
 
 def broadcast_rows(**arrays: NDArray[np.float64]) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
     """Arrays (…, k) with their leading axes broadcast, as rows (N, k); and the leading shape."""
+    leading = next(iter(arrays.values())).shape[:-1]
+    if len(leading) == 1 and all(array.shape[:-1] == leading for array in arrays.values()):
+        return list(arrays.values()), leading
     shapes = {name: array.shape[:-1] for name, array in arrays.items()}
     try:
         leading = np.broadcast_shapes(*shapes.values())

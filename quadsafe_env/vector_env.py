@@ -21,7 +21,9 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.state import STATE_SIZE
-from quadsafe_env.world import PlantAccess
+from quadsafe_env.world import INFO_KEYS, PlantAccess
+
+KEYS_AND_MASKS = (*INFO_KEYS, *(f"_{key}" for key in INFO_KEYS))
 
 
 class QuadrotorVectorEnv(PlantAccess, VectorEnv):
@@ -68,6 +70,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             np.inf if max_episode_steps is None else positive_integer("max_episode_steps", max_episode_steps)
         )
         self._steps = np.zeros(self.num_envs, dtype=np.int64)
+        self._everyone = np.ones(self.num_envs, dtype=np.bool_)
         self._is_seeded = False
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
@@ -89,9 +92,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         else:
             self._world.reset(rows)
         self._steps[rows] = 0
-        return self._world.observations.copy(), with_masks(
-            self._world.info(), np.ones(self.num_envs, dtype=np.bool_)
-        )
+        return self._world.observed(), told(self._world.outcome()[2], self._everyone)
 
     def step(self, actions: ArrayLike):
         """Fly one policy step in every row.
@@ -100,19 +101,16 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             TypeError, ValueError: for no numbers or a wrong shape.
         """
         rows = action_array("actions", actions, (self.num_envs, 4))
-        world = self._world
-        world.step(rows)
+        observations = self._world.step(rows)
+        rewards, terminated, values = self._world.outcome()
+        info = told(values, self._everyone)
         self._steps += 1
-        rewards, terminated = world.rewards.copy(), world.terminated()
         truncated = self._steps >= self._limit
-        info = with_masks(world.info(), np.ones(self.num_envs, dtype=np.bool_))
         done = terminated | truncated
-        if done.any():
-            info |= self._final(done)
-            ended = np.flatnonzero(done)
-            world.reset(ended)
-            self._steps[ended] = 0
-        return world.observations.copy(), rewards, terminated, truncated, info
+        if np.count_nonzero(done):
+            info |= self._final(done, observations)
+            observations = self._begin_again(done, observations)
+        return observations, rewards, terminated, truncated, info
 
     def render(self):
         """One RGB frame (480, 480, 3) a row, or None without a render mode."""
@@ -126,13 +124,21 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             for i in range(self.num_envs)
         )
 
-    def _final(self, done: NDArray[np.bool_]) -> dict[str, Any]:
+    def _final(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> dict[str, Any]:
         return {
-            "final_obs": self._world.observations.copy(),
+            "final_obs": observations,
             "_final_obs": done.copy(),
-            "final_info": with_masks(self._world.info(), done),
+            "final_info": told(self._world.outcome()[2], done),
             "_final_info": done.copy(),
         }
+
+    def _begin_again(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Reset the rows that ended; the observations with theirs, a fresh array."""
+        ended, observations = np.flatnonzero(done), observations.copy()
+        self._world.reset(ended)
+        self._world.observe(ended, observations)
+        self._steps[ended] = 0
+        return observations
 
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:
@@ -196,6 +202,8 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         return Spheres(self._world.scenes.center.copy(), self._world.scenes.radius.copy())
 
 
-def with_masks(info: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
+def told(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Gymnasium's convention for vector infos: beside every key a mask of the rows that have it."""
-    return info | {f"_{key}": mask.copy() for key in info}
+    masks = np.empty((len(values), len(mask)), dtype=np.bool_)
+    masks[:] = mask
+    return dict(zip(KEYS_AND_MASKS, (*values, *masks), strict=True))

@@ -6,76 +6,40 @@ The waist is (snap, yaw acceleration): every action interface ends in a desired 
 the safe one over the control period at the physics rate. With or without a filter nothing else differs.
 """
 
-from typing import NamedTuple, Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.checks import positive_integer
-from quadsafe_env.actions import action_interface
-from quadsafe_env.authority import any_yaw, authority, limit_yaw_batch, yaw_range
-from quadsafe_env.episode import (
-    RECORD,
-    advance_batch,
-    begin_rows,
-    command_batch,
-    finish_batch,
-    next_words,
-    spoil_invalid,
-    start_batch,
-)
+from quadsafe_core.lanes import LANES, aligned_rows
+from quadsafe_env.actions import action_scale, velocity_gains
+from quadsafe_env.authority import authority, limit_yaw_batch, yaw_range
+from quadsafe_env.block import LINES
+from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
 from quadsafe_env.flatness import flat_batch
+from quadsafe_env.measure import MEASURES
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
-from quadsafe_env.rotors import limited_rotors, unlimited_rotors
+from quadsafe_env.plant import Plant, packed
+from quadsafe_env.rates import Rates, check_rates
+from quadsafe_env.rotors import limited_rotors
 from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
-from quadsafe_env.state import hover_state
+from quadsafe_env.slot import Filtered, Passed, PassThrough, SnapFilter
+from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
 
+# The lines of the outcomes behind the reward, then those of the flags before the end.
+INFO_KEYS = (
+    "cost",
+    "clearance",
+    "is_success",
+    "violation",
+    "out_of_bounds",
+    "crash",
+    "invalid_action",
+    "saturated",
+)
 
-class Filtered(Protocol):
-    """What a filter answers with: at least the safe snap (N, 3)."""
-
-    @property
-    def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
-
-
-class SnapFilter(Protocol):
-    """The slot between the desired and the safe snap, called once per control period."""
-
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
-        """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
-        ...
-
-    def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the rows of ``mask``: their next call belongs to a new episode."""
-        ...
-
-
-class Passed(NamedTuple):
-    """The answer of ``PassThrough``."""
-
-    snap: NDArray[np.float64]
-
-
-class PassThrough:
-    """The empty slot: the desired snap is applied."""
-
-    def filter(self, flat, center, radius, snap, period):
-        """Return the desired snap."""
-        return Passed(snap)
-
-    def reset(self, mask):
-        """Nothing to forget."""
-
-
-class Rates(NamedTuple):
-    """Policy, control and physics rates, Hz; each divides the next."""
-
-    policy: int
-    control: int
-    physics: int
+__all__ = ["Filtered", "PassThrough", "Passed", "PlantAccess", "Rates", "SnapFilter", "World"]
 
 
 class World:
@@ -107,33 +71,41 @@ class World:
         check_rates(rates)
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
-        self.interface = action_interface(action, params, self.control_period)
+        self._periods, self._substeps = rates.control // rates.policy, rates.physics // rates.control
+        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
         self.snap_filter: SnapFilter = PassThrough()
+        self.action_scale = np.array(action_scale(action, params))
+        self._action, self._has_limits, self._yaw_range = action, rotor_limits, yaw_range(params)
+        # Without limits the kernels are compiled without the rotors.
+        self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
         self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
-        self._low, self._high = np.array(task.low), np.array(task.high)
-        self._terminate_on_violation = terminate_on_violation
-        # Infinite ranges in place of a second plant: without limits nothing is ever clipped.
-        self._rotors = limited_rotors(params) if rotor_limits else unlimited_rotors(params)
-        self._yaw_range = yaw_range(params) if rotor_limits else any_yaw()
+        self._constants = packed(
+            Plant(
+                params=params,
+                gains=velocity_gains(self.control_period),
+                scale=action_scale(action, params),
+                low=task.low,
+                high=task.high,
+                dt=1.0 / rates.physics,
+                ends_at_goal=task.ends_at_goal,
+                terminate_on_violation=terminate_on_violation,
+            )
+        )
         self._allocate(self._source.sphere_count)
 
     def _allocate(self, k: int) -> None:
         n = self.n
-        self.states = np.tile(hover_state(np.zeros(3), self.params), (n, 1))
+        self.states = aligned_rows(n, STATE_SIZE)
         self.scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
         self.words = np.zeros((n, 2), dtype=np.int64)
-        self.records = np.zeros(n, dtype=RECORD)
-        self.rewards = np.zeros(n)
-        self.observations = np.zeros((n, self.observation_size), dtype=np.float32)
+        self.outcomes, self.flags = np.zeros((3, n)), np.zeros((FLAGS, n), dtype=np.bool_)
         self._seeds = np.zeros((n, 2), dtype=np.int64)
         self._episodes = np.zeros(n, dtype=np.int64)
-        self._commands, self._effort = np.zeros((n, 4)), np.zeros(n)
-        self._flat, self._snap, self._yaw_acceleration = np.zeros((n, 4, 3)), np.zeros((n, 3)), np.zeros(n)
-
-    @property
-    def observation_size(self) -> int:
-        """Entries of one observation."""
-        return OWN_ENTRIES + SPHERE_ENTRIES * self.task.observed_spheres
+        blocks = -(-n // LANES)
+        self._table, self._commands = np.zeros(blocks * LANES * LINES), np.zeros(blocks * LANES * 4)
+        self._flat = np.zeros((n, 4, 3))
+        self._snap, self._yaw_acceleration = np.zeros((n, 3)), np.zeros(n)
+        place_rows(np.arange(n), self._constants, self.scenes.start, self.states)
 
     @property
     def is_shielded(self) -> bool:
@@ -169,11 +141,19 @@ class World:
     def _place(self, rows: NDArray[np.intp]) -> None:
         self._episodes[rows] += 1
         self._source.draw(self.words, rows, self.scenes)
-        self.states[rows] = hover_state(self.scenes.start[rows], self.params)
+        place_rows(rows, self._constants, self.scenes.start, self.states)
         self._begin(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
-        begin_rows(rows, self.states, *self._goal_and_spheres, self.params, self.records, self.observations)
+        begin_rows(
+            rows,
+            self._constants,
+            self.states,
+            *self._goal_and_spheres,
+            self._table,
+            self.outcomes,
+            self.flags,
+        )
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
         self.snap_filter.reset(mask)
@@ -182,69 +162,81 @@ class World:
     def _goal_and_spheres(self):
         return self.scenes.goal, self.scenes.center, self.scenes.radius
 
-    def step(self, actions: NDArray) -> None:
-        """One policy step of every row under actions (N, 4)."""
-        start_batch(self.records)
-        command_batch(
-            actions, self.interface.scale, self.is_shielded, self._commands, self._effort, self.records
-        )
-        for _ in range(self.rates.control // self.rates.policy):
-            self._control_period()
-        finish_batch(
-            self.states,
-            *self._goal_and_spheres,
-            self.params,
-            self._low,
-            self._high,
-            self._effort,
-            self.records,
-            self.rewards,
-            self.observations,
-        )
+    def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
+        """Write the present observations of the given rows."""
+        observe_rows(rows, self._constants, self.states, *self._goal_and_spheres, observations)
 
-    def _control_period(self) -> None:
-        flat_batch(self.states, self.params, self._flat)
-        self.interface.desired(self.states, self._commands, self._snap, self._yaw_acceleration)
-        limit_yaw_batch(self.states, self.control_period, self._yaw_range, self._yaw_acceleration)
-        spoil_invalid(self.records, self._snap, self._yaw_acceleration)
-        safe = self.snap_filter.filter(
-            self._flat, self.scenes.center, self.scenes.radius, self._snap, self.control_period
+    def observed(self) -> NDArray[np.float32]:
+        """Present observations (N, observation_size), a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        self.observe(np.arange(self.n), observations)
+        return observations
+
+    def step(self, actions: NDArray) -> NDArray[np.float32]:
+        """One policy step of every row under actions (N, 4); the observations after it, a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        for period in range(self._periods):
+            self._control_period(actions, observations, period == 0, period == self._periods - 1)
+        return observations
+
+    def _control_period(
+        self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
+    ) -> None:
+        snap, yaw_acceleration = self._snap, self._yaw_acceleration
+        MEASURES[self._action](
+            self._constants,
+            opens,
+            self.is_shielded,
+            actions,
+            self.states,
+            self._commands,
+            self._table,
+            self._flat,
+            snap,
+            yaw_acceleration,
         )
+        if self._has_limits:
+            limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
+        goal, center, radius = self._goal_and_spheres
+        safe = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
         advance_batch(
+            self._constants,
+            self._rotors,
+            self._substeps,
+            closes,
             self.states,
             safe.snap,
-            self._yaw_acceleration,
-            *self._goal_and_spheres,
-            self.params,
-            self._rotors,
-            1.0 / self.rates.physics,
-            self.rates.physics // self.rates.control,
-            self.records,
+            yaw_acceleration,
+            goal,
+            center,
+            radius,
+            self._table,
+            self.outcomes,
+            self.flags,
+            observations,
         )
 
-    def terminated(self) -> NDArray[np.bool_]:
-        """Rows whose episode ended by itself in the last step."""
-        record = self.records
-        ends = record["out_of_bounds"] | record["crash"] | (record["invalid_action"] & ~record["is_active"])
-        if self.task.ends_at_goal:
-            ends |= record["has_arrived"]
-        if self._terminate_on_violation:
-            ends |= record["violation"]
-        return ends
+    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], tuple[NDArray, ...]]:
+        """Rewards, ends and the values of the info of the last step, fresh arrays (N,)."""
+        rewards, cost, clearance = self.outcomes.copy()
+        *flags, terminated = self.flags.copy()
+        return rewards, terminated, (cost, clearance, *flags)
 
-    def info(self) -> dict[str, NDArray]:
-        """What the last step did to every row, fresh arrays (N,)."""
-        record = self.records
-        return {
-            "cost": record["violation"].astype(np.float64),
-            "clearance": record["clearance"].copy(),
-            "is_success": record["has_arrived"] & ~record["has_violated"],
-            "violation": record["violation"].copy(),
-            "out_of_bounds": record["out_of_bounds"].copy(),
-            "crash": record["crash"].copy(),
-            "invalid_action": record["invalid_action"].copy(),
-            "saturated": record["saturated"].copy(),
+    def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
+        """Reward, end and info of the only row."""
+        reward, cost, clearance = self.outcomes.reshape(-1).tolist()
+        success, violation, is_out, crash, invalid, saturated, terminated = self.flags.reshape(-1).tolist()
+        info = {
+            "cost": cost,
+            "clearance": clearance,
+            "is_success": success,
+            "violation": violation,
+            "out_of_bounds": is_out,
+            "crash": crash,
+            "invalid_action": invalid,
+            "saturated": saturated,
         }
+        return reward, terminated, info
 
 
 class PlantAccess:
@@ -264,7 +256,7 @@ class PlantAccess:
     @property
     def action_scale(self) -> NDArray[np.float64]:
         """SI value of an action of 1, (4,)."""
-        return self._world.interface.scale.copy()
+        return self._world.action_scale.copy()
 
     @property
     def control_period(self) -> float:
@@ -284,17 +276,3 @@ class PlantAccess:
     @snap_filter.setter
     def snap_filter(self, value: SnapFilter) -> None:
         self._world.snap_filter = value
-
-
-def check_rates(rates: Rates) -> None:
-    """Each rate a positive integer that divides the next.
-
-    Raises:
-        ValueError: naming the rate that does not fit.
-    """
-    for name, value in zip(rates._fields, rates, strict=True):
-        positive_integer(f"{name}_hz", value)
-    if rates.control % rates.policy:
-        raise ValueError(f"policy_hz must divide control_hz, got {rates.policy} and {rates.control}")
-    if rates.physics % rates.control:
-        raise ValueError(f"control_hz must divide physics_hz, got {rates.control} and {rates.physics}")

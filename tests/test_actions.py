@@ -14,7 +14,7 @@ from quadsafe_env.actions import (
     YAW_ACCELERATION,
     YAW_RATE,
     YAW_RATE_POLE,
-    action_interface,
+    action_scale,
     velocity_gains,
 )
 from quadsafe_env.dynamics import step
@@ -145,7 +145,7 @@ def test_wrench_command_is_the_wrench_that_acts():
 @pytest.mark.parametrize("preset", PRESETS)
 def test_full_wrench_gives_the_full_snap_at_hover(preset):
     params = PRESETS[preset]
-    scale = action_interface("wrench", params, PERIOD).scale
+    scale = action_scale("wrench", params)
     hover = hover_state(np.zeros(3), params)
     snaps = snap_from_wrench(hover, np.diag(scale), params)
     np.testing.assert_allclose(snaps[:3], SNAP * np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]]), atol=1e-9)
@@ -242,7 +242,7 @@ def test_integrator_error_at_the_default_rate():
     rng = np.random.default_rng(0)
     states = hover_state(np.zeros((50, 3)), CRAZYFLIE)
     states[:, OMEGA : OMEGA + 3] = rng.uniform(-5, 5, (50, 3))
-    wrench = rng.uniform(-1, 1, (50, 4)) * action_interface("wrench", CRAZYFLIE, PERIOD).scale
+    wrench = rng.uniform(-1, 1, (50, 4)) * action_scale("wrench", CRAZYFLIE)
     fine = states
     for _ in range(8):
         fine = step(fine, wrench, CRAZYFLIE, 0.00025)

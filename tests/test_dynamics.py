@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -249,7 +251,6 @@ def test_input_is_left_alone():
     np.testing.assert_array_equal(start, before)
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
@@ -278,6 +279,41 @@ def test_unusable_arguments_are_named(change, error, words):
     }
     with pytest.raises(error, match=words):
         step(**(usual | change))
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("row", [0, 15, 16, 36])
+def test_no_entry_of_any_row_may_be_other_than_finite(value, row):
+    rng = np.random.default_rng(0)
+    states, wrenches = random_states(rng, 37, CRAZYFLIE), random_wrenches(rng, 37, CRAZYFLIE)
+    assert np.isfinite(step(states, wrenches, CRAZYFLIE, 1e-3)).all()
+    for name, table in (("state", states), ("wrench", wrenches)):
+        for entry in range(table.shape[1]):
+            kept, table[row, entry] = table[row, entry], value
+            with pytest.raises(
+                ValueError, match=rf"^{name} must be finite, got .* at index \({row}, {entry}\)"
+            ):
+                step(states, wrenches, CRAZYFLIE, 1e-3)
+            table[row, entry] = kept
+
+
+def test_finite_numbers_that_overflow_are_stepped():
+    state = hover_state([0, 0, 0], CRAZYFLIE)
+    state[OMEGA] = 1e200
+    assert not np.isfinite(step(state, np.zeros(4), CRAZYFLIE, 1e-3)).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 50), st.sampled_from(sorted(PRESETS)))
+def test_row_gets_the_same_bits_in_a_block_and_alone(seed, count, name):
+    p, rng = PRESETS[name], np.random.default_rng(seed)
+    states, wrenches = random_states(rng, count, p), random_wrenches(rng, count, p)
+    together = step(states, wrenches, p, 2e-3)
+    alone = [step(s, w, p, 2e-3) for s, w in zip(states, wrenches, strict=True)]
+    np.testing.assert_array_equal(together, alone)
+    # The counter-case: another row's numbers are other bits.
+    if count > 1:
+        assert (together[0] != together[1]).any()
 
 
 @pytest.mark.parametrize("position", [[0, 0, np.nan], [0, 0]])

@@ -10,6 +10,7 @@ import numba
 import pytest
 
 from quadsafe_core import jit
+from quadsafe_core.jit import inline_kernel
 
 ROOT = Path(jit.__file__).parents[1]
 CALLEE = "from quadsafe_core.jit import kernel\n\n\n@kernel\ndef weight():\n    return {}\n"
@@ -66,6 +67,21 @@ def test_editing_a_callee_in_another_file_changes_the_caller(tmp_path):
     assert run_caller(tmp_path) == (2.0, 1)
     callee.write_text(CALLEE.format(3.0))
     assert run_caller(tmp_path) == (6.0, 0)
+
+
+@inline_kernel
+def doubled(x):
+    return (2.0 * x[0], 2.0 * x[1])
+
+
+@jit.kernel
+def doubled_twice(x):
+    return doubled(doubled(x))
+
+
+def test_inlined_helper_may_be_called_from_python_too():
+    assert doubled((1.0, 2.0)) == (2.0, 4.0) and doubled((1.5, 0.0)) == (3.0, 0.0)
+    assert doubled_twice((1.0, 2.0)) == (4.0, 8.0)
 
 
 def test_hash_covers_the_room_and_the_floor_and_nothing_else(tmp_path):

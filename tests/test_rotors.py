@@ -17,7 +17,6 @@ from quadsafe_env.rotors import (
     limited_step,
     rotor_thrusts,
     thrust_and_torque,
-    unlimited_rotors,
 )
 from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, hover_state, load, store
 from quadsafe_env.world import Passed
@@ -120,7 +119,7 @@ def test_step_within_the_range_is_the_step_without_limits_bit_for_bit():
     states = random_states(rng, 200)
     wrenches = rng.uniform(-1, 1, (200, 4)) * [1.0, 1e-4, 1e-4, 1e-4]
     free = step(states, wrenches, CRAZYFLIE, 0.002)
-    for rotors in (limited_rotors(CRAZYFLIE), unlimited_rotors(CRAZYFLIE)):
+    for rotors in (limited_rotors(CRAZYFLIE), None):
         out, clipped = stepped(states, wrenches, rotors)
         assert not clipped.any()
         np.testing.assert_array_equal(out, free)
@@ -130,7 +129,7 @@ def test_unlimited_rotors_give_any_wrench_bit_for_bit():
     rng = np.random.default_rng(3)
     states = random_states(rng, 200)
     wrenches = rng.normal(size=(200, 4)) * [1e3, 1.0, 1.0, 1.0]
-    out, clipped = stepped(states, wrenches, unlimited_rotors(CRAZYFLIE))
+    out, clipped = stepped(states, wrenches, None)
     assert not clipped.any()
     np.testing.assert_array_equal(out, step(states, wrenches, CRAZYFLIE, 0.002))
 
@@ -179,7 +178,7 @@ def test_thrust_stops_at_full_thrust_and_comes_back_at_once():
     assert not clipped.any()
     np.testing.assert_array_equal(down, step(up, [[-10.0, 0.0, 0.0, 0.0]], CRAZYFLIE, 0.002))
     # Without limits it runs through.
-    assert stepped(state, np.array([[10.0, 0.0, 0.0, 0.0]]), unlimited_rotors(CRAZYFLIE))[0][0, THRUST] > FULL
+    assert stepped(state, np.array([[10.0, 0.0, 0.0, 0.0]]), None)[0][0, THRUST] > FULL
 
 
 def test_acceleration_at_the_stop_is_full_thrust():

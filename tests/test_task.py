@@ -10,13 +10,27 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
+from quadsafe_core.jit import kernel
+from quadsafe_env.actions import action_scale, velocity_gains
+from quadsafe_env.episode import observe_rows
 from quadsafe_env.flatness import flat_state
-from quadsafe_env.obstacles import clearance, nearest_after, spheres_from_rows
+from quadsafe_env.obstacles import clearance, spheres_from_rows
 from quadsafe_env.params import PRESETS
+from quadsafe_env.plant import Plant, packed, unpacked
 from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, VELOCITY, hover_state
-from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward, write_observation
+from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
 
 CRAZYFLIE = PRESETS["crazyflie"]
+PLANT = Plant(
+    CRAZYFLIE,
+    gains=velocity_gains(0.01),
+    scale=action_scale("velocity", CRAZYFLIE),
+    low=(-4.0, -4.0, -4.0),
+    high=(4.0, 4.0, 4.0),
+    dt=0.002,
+    ends_at_goal=True,
+    terminate_on_violation=False,
+)
 WEIGHT = CRAZYFLIE.mass * CRAZYFLIE.gravity
 
 
@@ -33,9 +47,10 @@ def moving(position, velocity):
 
 
 def observed(state, goal, center, radius, slots):
-    out = np.full(OWN_ENTRIES + SPHERE_ENTRIES * slots, 7.0, dtype=np.float32)
-    write_observation(out, np.asarray(state), np.asarray(goal, dtype=float), center, radius, CRAZYFLIE)
-    return out
+    out = np.full((1, OWN_ENTRIES + SPHERE_ENTRIES * slots), 7.0, dtype=np.float32)
+    rows = [np.array(value, dtype=float)[np.newaxis] for value in (state, goal, center, radius)]
+    observe_rows(np.zeros(1, dtype=np.intp), packed(PLANT), *rows, out)
+    return out[0]
 
 
 def table(state, goal, center, radius, slots):
@@ -49,6 +64,19 @@ def table(state, goal, center, radius, slots):
     for slot, k in enumerate(present[np.argsort(gaps, kind="stable")][:slots]):
         rows[slot] = [*(center[k] - r) / 4, radius[k] / 2, 1.0]
     return np.clip(np.concatenate([*own, rows.ravel()]), -1.0, 1.0)
+
+
+@kernel
+def plant_again(numbers):
+    return unpacked(numbers)
+
+
+@pytest.mark.interpreted
+def test_packed_plant_is_unpacked_again():
+    numbers = np.random.default_rng(0).permutation(packed(PLANT))
+    assert packed(plant_again(packed(PLANT))).tolist() == packed(PLANT).tolist()
+    # Every number has its own place.
+    assert packed(plant_again(numbers)).tolist() == numbers.tolist()
 
 
 @pytest.mark.interpreted
@@ -100,13 +128,9 @@ def test_yaw_reads_zero_with_the_nose_straight_up():
 def test_nearest_spheres_come_first_and_ties_keep_their_order():
     center = np.array([[3.0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, 0, 0]])
     radius = np.array([0.5, 0.2, 0.2, 0.2, 0.0])
-    order, index, gap = [], -1, -math.inf
-    while True:
-        index, gap = nearest_after(0.0, 0.0, 0.0, center, radius, gap, index)
-        if index < 0:
-            break
-        order.append(index)
-    assert order == [1, 2, 3, 0]
+    seen = observed(hover_state(np.zeros(3), CRAZYFLIE), np.zeros(3), center, radius, 6)[OWN_ENTRIES:]
+    np.testing.assert_allclose(seen.reshape(6, 5)[:4, :3], center[[1, 2, 3, 0]] / 4)
+    assert seen.reshape(6, 5)[:, 4].tolist() == [1, 1, 1, 1, 0, 0] and not seen.reshape(6, 5)[4:].any()
 
 
 @pytest.mark.interpreted
@@ -128,9 +152,9 @@ def test_reward_is_progress_minus_effort_plus_bonus(before, after, effort, arriv
 def test_time_at_the_goal_starts_over_outside():
     held = 0.0
     for distance in (0.1, 0.05, 0.0):
-        held = held_time(held, distance, 0.002)
+        held = held_time(held, distance**2, 0.002)
     assert held == pytest.approx(0.006)
-    assert held_time(held, 0.1000001, 0.002) == 0.0
+    assert held_time(held, 0.1000001**2, 0.002) == 0.0
 
 
 def test_reward_of_a_flight():

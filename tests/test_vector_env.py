@@ -76,6 +76,51 @@ def test_row_is_the_single_env_bit_for_bit(name, action, terminate):
     assert ends >= 2 * n
 
 
+@pytest.mark.parametrize("limits", [False, True])
+@pytest.mark.parametrize("n", [16, 37])
+def test_rows_of_full_blocks_and_of_the_rest_are_the_single_env_bit_for_bit(n, limits):
+    keywords = {"rotor_limits": limits, "action": "snap", "params": "racer", "max_episode_steps": 25}
+    envs = [gymnasium.make("QuadSafe/Forest-v0", **keywords) for _ in range(n)]
+    rows = vector(n, "QuadSafe/Forest-v0", **keywords)
+    rows.reset(seed=1)
+    for i, env in enumerate(envs):
+        env.reset(seed=1 + i)
+    rng, seen = np.random.default_rng(0), {"crash": 0, "saturated": 0}
+    for _ in range(40):
+        actions = rng.choice([-1.0, 1.0], (n, 4)).astype(np.float32)
+        # Some rows dive until their thrust is at its floor.
+        actions[::3, :3] = [0.0, 0.0, -1.0]
+        outcome = rows.step(actions)
+        for key in seen:
+            seen[key] += int(outcome[4][key].sum())
+        for i, env in enumerate(envs):
+            check_row(i, outcome, env.step(actions[i]), env)
+            np.testing.assert_array_equal(rows.state[i], env.unwrapped.state)
+    # The rare ways through a block were taken too.
+    assert seen["crash"] > 0 and (seen["saturated"] > 0) == limits
+
+
+@pytest.mark.parametrize("n", [16, 37])
+def test_rows_that_crash_or_are_refused_leave_the_other_lanes_alone(n):
+    rows, calm = vector(n), vector(n)
+    for env in (rows, calm):
+        env.reset(seed=0)
+    spoiled = rows.state
+    spoiled[3, 18], spoiled[3, 19] = 0.0, -50.0
+    calm.state, rows.state = calm.state, spoiled
+    actions = np.random.default_rng(1).uniform(-1, 1, (n, 4)).astype(np.float32)
+    refused = actions.copy()
+    refused[5, 1], refused[n - 1, 0] = math.nan, math.inf
+    _, rewards, terminated, _, info = rows.step(refused)
+    _, others, _, _, _ = calm.step(actions)
+    assert np.flatnonzero(terminated).tolist() == sorted({3, 5, n - 1})
+    assert np.flatnonzero(info["crash"]).tolist() == [3]
+    assert np.flatnonzero(info["invalid_action"]).tolist() == sorted({5, n - 1})
+    kept = np.setdiff1d(np.arange(n), [3, 5, n - 1])
+    np.testing.assert_array_equal(rows.state[kept], calm.state[kept])
+    np.testing.assert_array_equal(rewards[kept], others[kept])
+
+
 @pytest.mark.parametrize("terminate", [True, False])
 def test_violations_are_counted_alike_through_both_faces(terminate):
     n, keywords = 8, {"terminate_on_violation": terminate, "max_episode_steps": 60}
