@@ -28,6 +28,7 @@ from shields.certificate import (
     FlightLimits,
     accept_at_once,
     certified_snap,
+    one_row,
     reference,
     within_ball,
 )
@@ -89,7 +90,7 @@ def backup_snap(x, spheres, last, settings, facts):
     """
     input_max = settings.sampling.input_max
     brake = braking(x.v, x.a, x.j, settings.braking)
-    u, is_feasible = nearest_snap(x, brake, spheres, last, settings, facts)
+    u, is_feasible = nearest_snap(x, brake, False, spheres, last, settings, facts)
     if not (is_feasible and norm(u) <= norm(brake) + 2 * input_max):
         u = scale(input_max, vector(last[int(facts[OBSTACLE])]))
     return within_ball(u, settings.limits.snap_max)
@@ -118,10 +119,13 @@ def note_kind(facts, kind, is_outside):
 
 
 @kernel
-def careful_snap(x, wanted, is_wanted, spheres, last, plan, settings, facts):
-    """Project, certify piece by piece, and else fly the stored stop; the snap and what it is."""
-    period = settings.sampling.period
-    nearest, is_feasible = nearest_snap(x, wanted, spheres, last, settings, facts)
+def careful_snap(x, wanted, is_wanted, is_chosen, spheres, last, plan, settings, facts):
+    """Project, certify, at once or piece by piece, and else fly the stored stop; the snap and what it is."""
+    period, share = settings.sampling.period, 1.0 + 0.5 * settings.margin
+    nearest, is_feasible = nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts)
+    rows, is_tried = one_row(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
+    if is_tried and accept_at_once(0, plan, x, nearest, period, *rows, share, settings.limits):
+        return nearest, ACCEPTED
     distances, limits = around(plan, x, spheres, settings.margin, period), limits_at(x, settings.limits)
     snap, kind = certified_snap(
         plan, x, nearest, is_wanted and is_feasible, period, distances, limits, settings.gains
@@ -149,7 +153,8 @@ def joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, sa
         u = wanted
     else:
         spheres = (center[i], velocity[i], radius[i])
-        u, kind = careful_snap(x, wanted, is_wanted, spheres, last[i], plans[i], settings, facts[i])
+        is_chosen = settings.is_free and is_cut
+        u, kind = careful_snap(x, wanted, is_wanted, is_chosen, spheres, last[i], plans[i], settings, facts[i])
         note_kind(facts[i], kind, is_outside)
         facts[i, RESERVE] /= settings.sampling.u_max
     return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
@@ -212,12 +217,12 @@ class SampledMethod:
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Empty memory for every row."""
-        self._normals = np.zeros((rows, obstacles, 3))
+        self._last = np.zeros((rows, obstacles, 4))
         self._plans = np.zeros(rows, dtype=PLAN)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""
-        self._normals[mask] = 0.0
+        self._last[mask] = 0.0
         self._plans[mask] = np.zeros((), dtype=PLAN)
 
     def at(self, period: float) -> Kernels:
@@ -227,7 +232,7 @@ class SampledMethod:
         numbers, kept = packed(self._settings, period)
         closing = closing_bounds(self._settings)
         bounds = None if max(closing) == -math.inf else closing
-        return Kernels(joint_batch, joint_one, (self._normals, self._plans, numbers, bounds, kept))
+        return Kernels(joint_batch, joint_one, (self._last, self._plans, numbers, bounds, kept))
 
 
 def packed(settings: Mapping[str, Any], period: float) -> tuple[NDArray[np.float64], Authority | None]:

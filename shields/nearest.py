@@ -13,7 +13,7 @@ from quadsafe_core.vec3 import dot, norm, subtract
 from shields.arcs import Flat, combined, write3
 from shields.certificate import NOTHING, FlightLimits, within_ball
 from shields.filtered import OBSTACLE, RESERVE, VALUE
-from shields.halfspace import Sampling, closing_along, demand_along, distance_demand, excess
+from shields.halfspace import Demand, Sampling, closing_along, demand_along, distance_demand, excess
 from shields.projection import project
 from shields.radial import line_of_sight, triple, vector
 from shields.within import LIMITS, limit_demand
@@ -56,7 +56,7 @@ def relative_to(x, center, velocity):
 
 @kernel
 def choose_directions(i, x, wanted, center, velocity, radius, last, settings, facts):
-    """Pick the normals, note the least value; whether a sphere asks for a correction, and x is outside all."""
+    """Pick the half-spaces, note the least value; whether one asks for a correction, and x is outside all."""
     is_cut, is_outside = False, True
     for k in range(radius.shape[1]):
         if radius[i, k] > 0.0:
@@ -64,6 +64,7 @@ def choose_directions(i, x, wanted, center, velocity, radius, last, settings, fa
             distance = (1 + settings.margin) * radius[i, k]
             demand = distance_demand(y, triple(last, i, k), wanted, distance, settings.sampling)
             last[i, k, 0], last[i, k, 1], last[i, k, 2] = demand.n
+            last[i, k, 3] = demand.least
             facts[i, VALUE] = min(facts[i, VALUE], demand.value)
             is_cut |= excess(demand, wanted) > 0.0
             is_outside &= norm(y.r) >= radius[i, k]
@@ -102,12 +103,25 @@ def cut(x, u, spheres, last, settings, half_spaces, facts, most):
     for k in range(radius.shape[0]):
         if radius[k] > 0.0:
             y = relative_to(x, vector(center[k]), vector(velocity[k]))
-            demand = demand_along(vector(last[k]), y, u, (1 + settings.margin) * radius[k], sampling)
-            if enter(half_spaces, k, demand, u):
-                is_cut, most = True, note_demand(demand, u, k, most, facts)
+            if half_spaces.offsets[k] == -math.inf:
+                demand = demand_along(vector(last[k]), y, u, (1 + settings.margin) * radius[k], sampling)
+                if enter(half_spaces, k, demand, u):
+                    is_cut, most = True, note_demand(demand, u, k, most, facts)
             cuts, most = cut_closing(k, y, u, settings.closing, sampling, half_spaces, facts, most)
             is_cut |= cuts
     return is_cut, most
+
+
+@kernel
+def cut_as_chosen(wanted, radius, last, half_spaces, facts):
+    """Enter the half-spaces that ``choose_directions`` has found the wanted snap outside of."""
+    most = 0.0
+    for k in range(radius.shape[0]):
+        if radius[k] > 0.0:
+            demand = Demand(vector(last[k]), last[k, 3], 0.0, True)
+            if enter(half_spaces, k, demand, wanted):
+                most = note_demand(demand, wanted, k, most, facts)
+    return True, most
 
 
 @kernel
@@ -149,12 +163,18 @@ def shortened(u, half_spaces, snap_max):
 
 
 @kernel
-def nearest_snap(x, wanted, spheres, last, settings, facts):
-    """The nearest snap to the wanted one in every half-space and the ball, and whether there is one."""
+def nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts):
+    """The nearest snap to the wanted one in every half-space and the ball, and whether there is one.
+
+    ``is_chosen``: whether the half-spaces were chosen for this snap, and one of them asks for a correction.
+    """
     half_spaces, snap_max = no_half_spaces(spheres[2].shape[0]), settings.limits.snap_max
     wanted = within_ball(wanted, snap_max)
     u, is_feasible = wanted, True
-    is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, 0.0)
+    if is_chosen:
+        is_cut, most = cut_as_chosen(wanted, spheres[2], last, half_spaces, facts)
+    else:
+        is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, 0.0)
     while is_cut and is_feasible:
         rows = half_spaces.offsets.shape[0]
         px, py, pz, is_feasible = project(wanted, half_spaces.normals, half_spaces.offsets, rows)

@@ -13,98 +13,11 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number
-from quadsafe_core.jit import kernel
-from shields.filtered import (
-    CORRECTION,
-    INTERVENED,
-    IS_CERTIFIED,
-    IS_FALLBACK,
-    IS_REFUSED,
-    IS_STOPPED,
-    OBSTACLE,
-    RESERVE,
-    ROUNDING,
-    VALUE,
-    Filtered,
-)
+from shields.recorder import KEYS, Recorder
 from shields.shield import Shield
 
 VEHICLE = "vehicle"
-
-# What the shield did to one plant since the policy step began.
-TALLY = np.dtype(
-    [
-        ("snap_desired", "f8", (3,)),
-        ("snap_applied", "f8", (3,)),
-        ("correction", "f8"),
-        ("value", "f8"),
-        ("reserve", "f8"),
-        ("obstacle", "i8"),
-        ("interventions", "i8"),
-        ("fallbacks", "i8"),
-        ("refusals", "i8"),
-        ("stopped", "?"),
-        ("certified", "?"),
-    ]
-)
-NOTHING_YET = np.array(((0,) * 3, (0,) * 3, 0, np.inf, 0, -1, 0, 0, 0, False, True), dtype=TALLY)
-
-
-@kernel
-def count_batch(desired, snap, facts, tally):
-    """Add one control period."""
-    for i in range(tally.shape[0]):
-        row, fact = tally[i], facts[i]
-        for axis in range(3):
-            row["snap_desired"][axis] = desired[i, axis]
-            row["snap_applied"][axis] = snap[i, axis]
-        if fact[CORRECTION] > row["correction"]:
-            row["correction"], row["obstacle"] = fact[CORRECTION], fact[OBSTACLE]
-        row["value"] = min(row["value"], fact[VALUE])
-        row["reserve"] = max(row["reserve"], fact[RESERVE])
-        row["interventions"] += fact[INTERVENED] != 0.0
-        row["fallbacks"] += fact[IS_FALLBACK] != 0.0
-        row["refusals"] += fact[IS_REFUSED] != 0.0
-        row["stopped"] |= fact[IS_STOPPED] != 0.0
-        row["certified"] &= fact[IS_CERTIFIED] != 0.0
-
-
-class Recorder:
-    """A shield in the slot, and what it did over the policy step."""
-
-    def __init__(self, shield: Shield, rows: int):
-        self.shield = shield
-        self._tally = np.full(rows, NOTHING_YET)
-        self._periods = 0
-
-    def begin(self) -> None:
-        """Open a policy step."""
-        self._periods = 0
-        self._tally[:] = NOTHING_YET
-
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
-        """The answer of the shield for (N, …) rows."""
-        answer = self.shield.filter(flat, center, radius, snap, period)
-        count_batch(snap, answer.snap, answer.facts, self._tally)
-        self._periods += 1
-        return answer
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the shield's memory of these rows; what they did in this step stays."""
-        self.shield.reset(mask)
-
-    def intervened_share(self) -> NDArray[np.float64]:
-        """Share of this step's control periods with an intervention, (N,)."""
-        return self._tally["interventions"] / max(self._periods, 1)
-
-    def summary(self) -> dict[str, NDArray]:
-        """``info["shield"]`` of every row, fresh arrays."""
-        tally = self._tally
-        summary = {name: tally[name].copy() for name in TALLY.fields or ()}
-        summary["intervened"] = tally["interventions"] > 0
-        summary["in_set"] = tally["value"] >= -ROUNDING
-        summary["fallback"] = tally["fallbacks"] > 0
-        return summary
+MASK_KEYS = tuple(f"_{key}" for key in KEYS)
 
 
 class Installation:
@@ -205,19 +118,16 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         """Reset the environment; ``info`` gets "shield"."""
         self._installation.begin()
         observation, info = self.env.reset(seed=seed, options=options)
-        return observation, {**info, "shield": self._summary()}
+        return observation, {**info, "shield": self._installation.recorder.summary_of_one()}
 
     def step(self, action: Any):
         """Step the environment; ``info`` gets "shield", the reward its penalty."""
         self._installation.begin()
         observation, reward, terminated, truncated, info = self.env.step(action)
-        share = float(self._installation.recorder.intervened_share()[0])
-        info = {**info, "shield": self._summary()}
-        return observation, float(reward) - self._penalty * share, terminated, truncated, info
-
-    def _summary(self) -> dict[str, Any]:
-        rows = self._installation.recorder.summary()
-        return {key: x[0] if x.ndim > 1 else x[0].item() for key, x in rows.items()}
+        recorder = self._installation.recorder
+        if self._penalty > 0.0:
+            reward = float(reward) - self._penalty * float(recorder.intervened_share()[0])
+        return observation, reward, terminated, truncated, {**info, "shield": recorder.summary_of_one()}
 
 
 class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
@@ -271,7 +181,8 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         """Step the environment; ``info`` gets "shield", the rewards their penalty."""
         self._installation.begin()
         observations, rewards, terminated, truncated, info = self.env.step(actions)
-        rewards = rewards - self._penalty * self._installation.recorder.intervened_share()
+        if self._penalty > 0.0:
+            rewards = rewards - self._penalty * self._installation.recorder.intervened_share()
         return observations, rewards, terminated, truncated, self._with_shield(info)
 
     def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
@@ -281,6 +192,5 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return info
 
     def _described(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        summary = self._installation.recorder.summary()
-        masks = {f"_{key}": mask.copy() for key in summary}
-        return {**info, "shield": summary | masks, "_shield": mask.copy()}
+        masks = dict.fromkeys(MASK_KEYS, mask.copy())
+        return {**info, "shield": self._installation.recorder.summary() | masks, "_shield": mask.copy()}

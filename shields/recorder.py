@@ -1,0 +1,110 @@
+"""What a shield did to N plants since their policy step began."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_core.jit import kernel
+from shields.filtered import (
+    CORRECTION,
+    INTERVENED,
+    IS_CERTIFIED,
+    IS_FALLBACK,
+    IS_REFUSED,
+    IS_STOPPED,
+    OBSTACLE,
+    RESERVE,
+    ROUNDING,
+    VALUE,
+    Filtered,
+)
+from shields.shield import Shield
+
+# The keys of ``info["shield"]``: lines of vectors, numbers, counts and flags.
+SNAPS = ("snap_desired", "snap_applied")
+NUMBERS = ("correction", "value", "reserve")
+COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
+FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback")
+KEYS = (*SNAPS, *NUMBERS, *COUNTS, *FLAGS)
+
+
+@kernel
+def open_batch(snaps, numbers, counts, flags):
+    """Nothing flown yet."""
+    snaps[:] = 0.0
+    for i in range(numbers.shape[1]):
+        numbers[0, i], numbers[1, i], numbers[2, i] = 0.0, np.inf, 0.0
+        counts[0, i], counts[1, i], counts[2, i], counts[3, i] = -1, 0, 0, 0
+        flags[0, i], flags[1, i], flags[2, i], flags[3, i], flags[4, i] = False, True, False, True, False
+
+
+@kernel
+def count_batch(desired, snap, facts, is_first, snaps, numbers, counts, flags):
+    """Add one control period."""
+    if is_first:
+        open_batch(snaps, numbers, counts, flags)
+    for i in range(facts.shape[0]):
+        for axis in range(3):
+            snaps[0, i, axis], snaps[1, i, axis] = desired[i, axis], snap[i, axis]
+        if facts[i, CORRECTION] > numbers[0, i]:
+            numbers[0, i], counts[0, i] = facts[i, CORRECTION], facts[i, OBSTACLE]
+        numbers[1, i] = min(numbers[1, i], facts[i, VALUE])
+        numbers[2, i] = max(numbers[2, i], facts[i, RESERVE])
+        counts[1, i] += facts[i, INTERVENED] != 0.0
+        counts[2, i] += facts[i, IS_FALLBACK] != 0.0
+        counts[3, i] += facts[i, IS_REFUSED] != 0.0
+        flags[0, i] |= facts[i, IS_STOPPED] != 0.0
+        flags[1, i] &= facts[i, IS_CERTIFIED] != 0.0
+        flags[2, i] |= facts[i, INTERVENED] != 0.0
+        flags[3, i] &= facts[i, VALUE] >= -ROUNDING
+        flags[4, i] |= facts[i, IS_FALLBACK] != 0.0
+
+
+class Recorder:
+    """A shield in the slot, and what it did over the policy step."""
+
+    def __init__(self, shield: Shield, rows: int):
+        self.shield, self._rows = shield, rows
+        self.begin()
+
+    def begin(self) -> None:
+        """Open a policy step, in arrays of its own."""
+        n = self._rows
+        self._snaps, self._numbers = np.empty((2, n, 3)), np.empty((3, n))
+        self._counts, self._flags = np.empty((4, n), dtype=np.int64), np.empty((5, n), dtype=np.bool_)
+        self._periods = 0
+
+    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+        """The answer of the shield for (N, …) rows."""
+        answer = self.shield.filter(flat, center, radius, snap, period)
+        is_first = self._periods == 0
+        count_batch(
+            snap, answer.snap, answer.facts, is_first, self._snaps, self._numbers, self._counts, self._flags
+        )
+        self._periods += 1
+        return answer
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the shield's memory of these rows; what they did in this step stays."""
+        self.shield.reset(mask)
+
+    def intervened_share(self) -> NDArray[np.float64]:
+        """Share of this step's control periods with an intervention, (N,)."""
+        self._open_if_nothing_flown()
+        return self._counts[1] / max(self._periods, 1)
+
+    def summary(self) -> dict[str, NDArray]:
+        """``info["shield"]`` of every row; the arrays of this policy step."""
+        self._open_if_nothing_flown()
+        return dict(zip(KEYS, (*self._snaps, *self._numbers, *self._counts, *self._flags), strict=True))
+
+    def summary_of_one(self) -> dict[str, Any]:
+        """``info["shield"]`` of the only row, numbers as Python's."""
+        self._open_if_nothing_flown()
+        lines = (*self._numbers.tolist(), *self._counts.tolist(), *self._flags.tolist())
+        return dict(zip(KEYS, (*self._snaps[:, 0], *(line[0] for line in lines)), strict=True))
+
+    def _open_if_nothing_flown(self) -> None:
+        if self._periods == 0:
+            open_batch(self._snaps, self._numbers, self._counts, self._flags)
