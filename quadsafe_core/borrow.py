@@ -1,9 +1,10 @@
 """Arrays that a kernel uses without counting references."""
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from numba.core import cgutils, types
 from numba.extending import intrinsic, overload
+from numba.np.arrayobj import make_array, populate_array
 
 A = TypeVar("A")
 
@@ -35,5 +36,46 @@ def _borrowed(array):
 
     def build(array):
         return _without_owner(array)  # pyright: ignore[reportCallIssue]
+
+    return build
+
+
+def one_row(array: Any) -> Any:
+    """A C-ordered array with a leading axis of length 1, borrowed; without the work of ``reshape``."""
+    return array.reshape((1, *array.shape))
+
+
+@intrinsic
+def _with_leading_axis(_typing, array):
+    result = array.copy(ndim=array.ndim + 1)
+
+    def build(context, builder, signature, arguments):
+        given = make_array(array)(context, builder, arguments[0])
+        view = make_array(result)(context, builder)
+        shape = cgutils.unpack_tuple(builder, given.shape, array.ndim)
+        strides = cgutils.unpack_tuple(builder, given.strides, array.ndim)
+        one = context.get_constant(types.intp, 1)
+        size = builder.mul(given.nitems, given.itemsize)
+        populate_array(
+            view,
+            given.data,
+            [one, *shape],
+            [size, *strides],
+            itemsize=given.itemsize,
+            meminfo=None,
+            parent=None,
+        )
+        return view._getvalue()
+
+    return result(array), build
+
+
+@overload(one_row)
+def _one_row(array):
+    if not isinstance(array, types.Array) or array.layout != "C":
+        return None
+
+    def build(array):
+        return _with_leading_axis(array)  # pyright: ignore[reportCallIssue]
 
     return build

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quadsafe_core.borrow import one_row
 from quadsafe_core.checks import positive_number
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
@@ -148,16 +149,8 @@ def cbf_one(flat, center, radius, velocity, snap, constants, safe, facts):
     """``cbf_batch`` of one vehicle without the leading axis."""
     if not shapes_of_one(flat, center, radius, velocity, snap):
         return BAD_SHAPES
-    return cbf_batch(
-        flat.reshape((1, 4, 3)),
-        center.reshape((1, center.shape[0], 3)),
-        radius.reshape((1, radius.shape[0])),
-        velocity,
-        snap.reshape((1, 3)),
-        constants,
-        safe.reshape((1, 3)),
-        facts.reshape((1, facts.shape[0])),
-    )
+    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
+    return cbf_batch(flats, centers, radii, velocity, snaps, constants, one_row(safe), one_row(facts))
 
 
 @kernel

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.borrow import one_row
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import (
@@ -239,17 +240,15 @@ def accept_at_once(i, plan, x, snap, period, center, velocity, radius, share, li
 
 
 @inline_kernel
-def one_row(spheres):
+def one_vehicle(spheres):
     """The spheres of one vehicle as a batch of one."""
-    center, velocity, keep_out = spheres
-    k = keep_out.shape[0]
-    return center.reshape((1, k, 3)), velocity.reshape((1, k, 3)), keep_out.reshape((1, k))
+    return one_row(spheres.center), one_row(spheres.velocity), one_row(spheres.keep_out)
 
 
 @kernel
 def accept(plan, x, snap, period, spheres, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
-    if accept_at_once(0, plan, x, snap, period, *one_row(spheres), 1.0, limits):
+    if accept_at_once(0, plan, x, snap, period, *one_vehicle(spheres), 1.0, limits):
         return True
     if not (norm(snap) <= limits.snap_max and arc_is_clear(x, snap, 0.0, period, spheres, limits.band)):
         return False

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority, checked_authority
-from quadsafe_core.borrow import borrowed
+from quadsafe_core.borrow import borrowed, one_row
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import kernel
 from quadsafe_core.vec3 import norm, scale, subtract
@@ -28,7 +28,7 @@ from shields.certificate import (
     FlightLimits,
     accept_at_once,
     certified_snap,
-    one_row,
+    one_vehicle,
     reference,
     within_ball,
 )
@@ -123,7 +123,7 @@ def careful_snap(x, wanted, is_wanted, is_chosen, spheres, last, plan, settings,
     """Project, certify, at once or piece by piece, and else fly the stored stop; the snap and what it is."""
     period, share = settings.sampling.period, 1.0 + 0.5 * settings.margin
     nearest, is_feasible = nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts)
-    rows, is_tried = one_row(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
+    rows, is_tried = one_vehicle(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
     if is_tried and accept_at_once(0, plan, x, nearest, period, *rows, share, settings.limits):
         return nearest, ACCEPTED
     distances, limits = around(plan, x, spheres, settings.margin, period), limits_at(x, settings.limits)
@@ -178,19 +178,10 @@ def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, closin
     """``joint_batch`` of one vehicle without the leading axis."""
     if not shapes_of_one(flat, center, radius, velocity, snap):
         return BAD_SHAPES
+    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
+    answers = (one_row(safe), one_row(facts))
     return joint_batch(
-        flat.reshape((1, 4, 3)),
-        center.reshape((1, center.shape[0], 3)),
-        radius.reshape((1, radius.shape[0])),
-        velocity,
-        snap.reshape((1, 3)),
-        last,
-        plans,
-        numbers,
-        closing,
-        authority,
-        safe.reshape((1, 3)),
-        facts.reshape((1, facts.shape[0])),
+        flats, centers, radii, velocity, snaps, last, plans, numbers, closing, authority, *answers
     )
 
 

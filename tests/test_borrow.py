@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from quadsafe_core.borrow import borrowed
+from quadsafe_core.borrow import borrowed, one_row
 from quadsafe_core.jit import kernel
 
 
@@ -45,3 +45,29 @@ def test_only_arrays_can_be_borrowed():
     if hasattr(borrow, "py_func"):
         with pytest.raises(Exception, match="borrowed"):
             borrow(1.0)
+
+
+@kernel
+def scale_rows(rows, factor):
+    """Every entry of (1, …) rows times a factor; the shape of the rows."""
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            for axis in range(rows.shape[2]):
+                rows[i, k, axis] *= factor
+    return rows.shape
+
+
+@kernel
+def scale_one(array, factor):
+    """``scale_rows`` of an array without the leading axis."""
+    return scale_rows(one_row(array), factor)
+
+
+@pytest.mark.interpreted
+def test_one_row_is_the_same_memory_with_a_leading_axis():
+    array = np.arange(12.0).reshape(4, 3)
+    before = sys.getrefcount(array)
+    assert scale_one(array, 2.0) == (1, 4, 3)
+    np.testing.assert_array_equal(array, 2.0 * np.arange(12.0).reshape(4, 3))
+    assert sys.getrefcount(array) == before
+    assert one_row(array).shape == (1, 4, 3) and np.shares_memory(one_row(array), array)
