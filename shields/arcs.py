@@ -18,6 +18,8 @@ from shields.radial import vector
 # hull of the control points is then within a millimetre of the path.
 MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
+# What a look at an arc finds.
+CLEAR, UNSURE, HIT = range(3)
 
 
 class Flat(NamedTuple):
@@ -137,33 +139,46 @@ def piece_keeps_thrust(points, band):
     return max(dot(b0, b0), dot(b1, b1), dot(b2, b2)) <= band.most * band.most
 
 
+@inline_kernel
+def thrust_leaves(acceleration, band):
+    """Whether an acceleration of the arc itself is outside of the band."""
+    thrust = norm(add(acceleration, (0.0, 0.0, band.gravity)))
+    return thrust < band.least or thrust > band.most
+
+
 @kernel
-def pieces_are_clear(x, snap, start, d, pieces, spheres, band):
-    """Whether every piece of length d of the arc keeps clear of the spheres and to the thrust band."""
+def look_at_pieces(x, snap, start, d, pieces, spheres, band):
+    """Whether the pieces of length d of the arc keep clear of the spheres and to the band.
+
+    ``CLEAR``; ``HIT`` if the end of a piece, a point of the arc itself, does not; else ``UNSURE``.
+    """
     for piece in range(pieces):
         y = flown(x, snap, piece * d)
-        if not piece_keeps_thrust(acceleration_points(y, snap, d), band):
-            return False
+        accelerations = acceleration_points(y, snap, d)
+        if not piece_keeps_thrust(accelerations, band):
+            return HIT if thrust_leaves(accelerations[2], band) else UNSURE
         points = position_points(y, snap, d)
         for k in range(spheres.keep_out.shape[0]):
-            drift = vector(spheres.velocity[k])
-            center = combined(vector(spheres.center[k]), start + piece * d, drift)
-            if spheres.keep_out[k] > 0.0 and not piece_clears(
-                points, center, scale(d, drift), spheres.keep_out[k]
-            ):
-                return False
-    return True
+            if spheres.keep_out[k] > 0.0:
+                velocity = vector(spheres.velocity[k])
+                drift, center = (
+                    scale(d, velocity),
+                    combined(vector(spheres.center[k]), start + piece * d, velocity),
+                )
+                if not piece_clears(points, center, drift, spheres.keep_out[k]):
+                    gap = norm(subtract(points[4], add(center, drift)))
+                    return HIT if gap < spheres.keep_out[k] else UNSURE
+    return CLEAR
 
 
 @kernel
 def arc_is_clear(x, snap, start, duration, spheres, band):
     """Whether the snap held from ``start`` for ``duration`` keeps clear: whole, or in ever shorter pieces."""
-    pieces = 1
-    while not pieces_are_clear(x, snap, start, duration / pieces, pieces, spheres, band):
+    pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, spheres, band)
+    while found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
         pieces *= 2
-        if duration / pieces < SHORTEST_PIECE or pieces > MOST_PIECES:
-            return False
-    return True
+        found = look_at_pieces(x, snap, start, duration / pieces, pieces, spheres, band)
+    return found == CLEAR
 
 
 @kernel

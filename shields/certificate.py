@@ -246,13 +246,30 @@ def one_vehicle(spheres):
 
 
 @kernel
+def length_clear_at_once(first, x, snap, after, period, spheres, limits):
+    """``clear_length`` by the quick test, for the period and the stop after it; −1 if it tells of none."""
+    c, v, r = one_vehicle(spheres)
+    if is_clear_at_once(0, x, snap, after, periods_of(first, period) * period, period, c, v, r, 1.0, limits):
+        return first
+    for choice in range(len(LENGTHS)):
+        h = periods_of(choice, period) * period
+        if choice != first and is_clear_at_once(0, x, snap, after, h, period, c, v, r, 1.0, limits):
+            return choice
+    return -1
+
+
+@kernel
 def accept(plan, x, snap, period, spheres, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
-    if accept_at_once(0, plan, x, snap, period, *one_vehicle(spheres), 1.0, limits):
-        return True
-    if not (norm(snap) <= limits.snap_max and arc_is_clear(x, snap, 0.0, period, spheres, limits.band)):
+    if not norm(snap) <= limits.snap_max:
         return False
     after = flown(x, snap, period)
+    choice = length_clear_at_once(plan["choice"], x, snap, after, period, spheres, limits)
+    if choice >= 0:
+        write_stop(plan, after, NOTHING, choice, period)
+        return True
+    if not arc_is_clear(x, snap, 0.0, period, spheres, limits.band):
+        return False
     return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, spheres, limits)
 
 

@@ -186,11 +186,14 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return observations, rewards, terminated, truncated, self._with_shield(info)
 
     def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
-        info = self._described(info, np.ones(self.num_envs, dtype=np.bool_))
+        summary = self._installation.recorder.summary()
+        info = _described(info, summary, np.ones(self.num_envs, dtype=np.bool_))
         if "final_info" in info:
-            info["final_info"] = self._described(info["final_info"], info["_final_info"])
+            copies = {key: lines.copy() for key, lines in summary.items()}
+            info["final_info"] = _described(info["final_info"], copies, info["_final_info"].copy())
         return info
 
-    def _described(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-        masks = dict.fromkeys(MASK_KEYS, mask.copy())
-        return {**info, "shield": self._installation.recorder.summary() | masks, "_shield": mask.copy()}
+
+def _described(info: dict[str, Any], summary: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """An info with what the shield did, told of the rows of a mask."""
+    return {**info, "shield": summary | dict.fromkeys(MASK_KEYS, mask), "_shield": mask}
