@@ -1,7 +1,9 @@
 """Arrays that a kernel uses without counting references."""
 
+import math
 from typing import Any, TypeVar
 
+import numpy as np
 from numba.core import cgutils, types
 from numba.extending import intrinsic, overload
 from numba.np.arrayobj import make_array, populate_array
@@ -77,5 +79,45 @@ def _one_row(array):
 
     def build(array):
         return _with_leading_axis(array)  # pyright: ignore[reportCallIssue]
+
+    return build
+
+
+def carved(memory: Any, start: int, like: Any, shape: tuple[int, ...]) -> Any:
+    """A C-ordered array of the type of ``like`` within a flat array, from a number of bytes on; borrowed.
+
+    One array with everything in it crosses into a kernel faster than many.
+    """
+    count = math.prod(shape) * like.itemsize
+    return memory.view(np.uint8)[start : start + count].view(like.dtype).reshape(shape)
+
+
+@intrinsic
+def _view_from(_typing, memory, start, like, shape):
+    result = types.Array(like.dtype, len(shape), "C", aligned=like.aligned)
+
+    def build(context, builder, signature, arguments):
+        given = make_array(memory)(context, builder, arguments[0])
+        view = make_array(result)(context, builder)
+        offset = context.cast(builder, arguments[1], start, types.intp)
+        lengths = [
+            context.cast(builder, length, kind, types.intp)
+            for length, kind in zip(cgutils.unpack_tuple(builder, arguments[3]), shape, strict=True)
+        ]
+        size = context.get_constant(types.intp, context.get_abi_sizeof(context.get_data_type(like.dtype)))
+        strides = [size]
+        for length in reversed(lengths[1:]):
+            strides.insert(0, builder.mul(strides[0], length))
+        data = cgutils.pointer_add(builder, given.data, offset, return_type=view.data.type)
+        populate_array(view, data, lengths, strides, itemsize=size, meminfo=None, parent=None)
+        return view._getvalue()
+
+    return result(memory, start, like, shape), build
+
+
+@overload(carved)
+def _carved(memory, start, like, shape):
+    def build(memory, start, like, shape):
+        return _view_from(memory, start, like, shape)  # pyright: ignore[reportCallIssue]
 
     return build

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.borrow import one_row
+from quadsafe_core.borrow import carved, one_row
 from quadsafe_core.checks import positive_number
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
@@ -33,6 +33,8 @@ from shields.filtered import (
     BRAKING_POLE,
     CROWDED,
     DONE,
+    FACTS,
+    FLOATS,
     MOVING,
     OBSTACLE,
     RESERVE,
@@ -42,11 +44,13 @@ from shields.filtered import (
     answer,
     checked_rows,
     closing_bounds,
-    shapes_of_one,
+    velocities_or,
     wanted_snap,
 )
 from shields.integrator import lower1, lower2, lower3, lower4, required_input
 from shields.radial import radial_motion, shifted_snap, triple
+
+CONSTANTS = 10
 
 
 class ClosingBounds(NamedTuple):
@@ -135,22 +139,24 @@ def cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts):
 
 
 @kernel
-def cbf_batch(flat, center, radius, velocity, snap, constants, safe, facts):
-    """Rows of ``cbf_row``; the first code that is not ``DONE``."""
-    code = checked_rows(flat, center, radius, velocity, snap, safe)
-    for i in range(safe.shape[0]):
+def cbf_batch(flat, center, radius, snap, velocity, memory, out):
+    """Rows of ``cbf_row``; the first code that is not ``DONE``. The memory: constants, velocities of 0."""
+    n, k = flat.shape[0], radius.shape[1]
+    if not (memory.shape[0] == CONSTANTS + 3 * n * k and out.shape[0] == (3 + FACTS) * n):
+        return BAD_SHAPES
+    moving = velocities_or(velocity, memory, 8 * CONSTANTS, n, k)
+    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
+    code = checked_rows(flat, center, radius, moving, snap, safe)
+    for i in range(n):
         if code == DONE:
-            code = cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts)
+            code = cbf_row(i, flat, center, radius, moving, snap, memory, safe, facts)
     return code
 
 
 @kernel
-def cbf_one(flat, center, radius, velocity, snap, constants, safe, facts):
+def cbf_one(flat, center, radius, snap, velocity, memory, out):
     """``cbf_batch`` of one vehicle without the leading axis."""
-    if not shapes_of_one(flat, center, radius, velocity, snap):
-        return BAD_SHAPES
-    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
-    return cbf_batch(flats, centers, radii, velocity, snaps, constants, one_row(safe), one_row(facts))
+    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), velocity, memory, out)
 
 
 @kernel
@@ -192,7 +198,7 @@ def filtered_input(
 
 
 class CbfMethod:
-    """Equation (33), one sphere per row; it needs no memory."""
+    """Equation (33), one sphere per row; it remembers nothing."""
 
     def __init__(self, settings: Mapping[str, Any]):
         u_max = settings["snap_max"]
@@ -200,16 +206,16 @@ class CbfMethod:
         self._constants = [1.0 + settings["margin"], *closing_bounds(settings), *limits]
 
     def allocate(self, rows: int, obstacles: int) -> None:
-        """No memory."""
+        """Room for the constants, and velocities of 0."""
+        self._memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
-        """No memory."""
+        """Nothing to forget."""
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        # One array crosses into the kernel faster than named tuples.
-        constants = np.array([*self._constants, *held_gains(3, BRAKING_POLE, period)])
-        return Kernels(cbf_batch, cbf_one, (constants,))
+        self._memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]
+        return Kernels(cbf_batch, cbf_one, (self._memory,))
 
 
 def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.borrow import borrowed, carved
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, subtract
 from shields.radial import triple
@@ -24,12 +25,15 @@ ROUNDING = 1e-9
 CORRECTION, VALUE, RESERVE, OBSTACLE, IN_SET, INTERVENED = range(6)
 IS_FALLBACK, IS_REFUSED, IS_STOPPED, IS_CERTIFIED = range(6, 10)
 FACTS = 10
+# The type of what is carved out of flat arrays.
+FLOATS = np.zeros(0)
 
 
 class Kernels(NamedTuple):
     """How a method filters at a period: rows, or one plant without the leading axis; and its own arguments.
 
-    Both take (flat, center, radius, velocity, snap, *own, safe, facts), write the last two, and return a code.
+    Both take (flat, center, radius, snap, velocity or None, *own, out), fill ``out`` for ``Filtered``, and
+    return a code.
     """
 
     batch: Callable[..., int]
@@ -40,24 +44,37 @@ class Kernels(NamedTuple):
 class Filtered:
     """Answer of a shield; each field has a leading N for a batch of N plants.
 
-    Attributes:
-        snap: (…, 3) safe snap, m/s⁴.
-        facts: (…, 10) the fields below, in one array of numbers.
+    Args:
+        numbers: N safe snaps, then N times ten facts, flat.
+        leading: (N,), or () for one plant.
     """
 
-    __slots__ = ("facts", "snap")
+    __slots__ = ("_leading", "_numbers")
 
-    def __init__(self, snap: NDArray[np.float64], facts: NDArray[np.float64]):
-        self.snap, self.facts = snap, facts
+    def __init__(self, numbers: NDArray[np.float64], leading: tuple[int, ...]):
+        self._numbers, self._leading = numbers, leading
 
     def __iter__(self) -> Iterator[Any]:
-        """The snap, then the other fields in the order in which they stand here."""
-        yield self.snap
-        yield from (getattr(self, name) for name in FIELDS)
+        """The snap and the other fields in the order in which they stand here."""
+        return (getattr(self, name) for name in FIELDS)
 
     def __repr__(self) -> str:
-        fields = zip(("snap", *FIELDS), self, strict=True)
+        fields = zip(FIELDS, self, strict=True)
         return f"Filtered({', '.join(f'{name}={field!r}' for name, field in fields)})"
+
+    @property
+    def snap(self) -> NDArray[np.float64]:
+        """(…, 3) safe snap, m/s⁴."""
+        if not self._leading:
+            return self._numbers[:3]
+        n = self._leading[0]
+        return self._numbers[: 3 * n].reshape(n, 3)
+
+    @property
+    def facts(self) -> NDArray[np.float64]:
+        """(…, 10) the fields below, in one array of numbers."""
+        snaps = 3 * math.prod(self._leading)
+        return self._numbers[snaps:].reshape(*self._leading, FACTS)
 
     @property
     def correction(self) -> Any:
@@ -113,7 +130,9 @@ class Filtered:
         return (self.facts[..., place] != 0.0)[()]
 
 
-FIELDS = tuple(name for name, entry in vars(Filtered).items() if isinstance(entry, property))
+FIELDS = tuple(
+    name for name, entry in vars(Filtered).items() if isinstance(entry, property) and name != "facts"
+)
 
 
 def closing_bounds(settings: Mapping[str, Any]) -> tuple[float, float, float]:
@@ -130,16 +149,11 @@ def is_finite(x):
 
 
 @kernel
-def shapes_of_one(flat, center, radius, velocity, snap):
-    """Whether one plant and its K spheres have the shapes (4, 3), (K, 3), (K,), (1, K, 3), (3,)."""
-    k = velocity.shape[1]
-    return (
-        flat.shape == (4, 3)
-        and center.shape == (k, 3)
-        and radius.shape == (k,)
-        and velocity.shape[0] == 1
-        and snap.shape == (3,)
-    )
+def velocities_or(velocity, memory, start, n, k):
+    """The velocities, or where there are none the zeros that stand in the memory from a byte on."""
+    if velocity is None:
+        return carved(memory, start, FLOATS, (n, k, 3))
+    return borrowed(velocity)
 
 
 @kernel

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority, checked_authority
-from quadsafe_core.borrow import borrowed, one_row
+from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.feedback import held_gains
-from quadsafe_core.jit import kernel
+from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import Flat, Spheres, ThrustBand, combined
 from shields.certificate import (
@@ -36,6 +36,8 @@ from shields.filtered import (
     BAD_SHAPES,
     BRAKING_POLE,
     DONE,
+    FACTS,
+    FLOATS,
     IS_CERTIFIED,
     IS_FALLBACK,
     IS_REFUSED,
@@ -48,7 +50,7 @@ from shields.filtered import (
     braking,
     checked_rows,
     closing_bounds,
-    shapes_of_one,
+    velocities_or,
     wanted_snap,
 )
 from shields.halfspace import Sampling
@@ -62,6 +64,8 @@ TRACKING_POLE = 30.0
 ROUNDING = 1e-9
 # Of an authority, what no certified stop counts on: the feedback's, and the error's of the inner loop.
 RESERVED = 0.05
+SETTINGS = 18
+PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 
 
 @kernel
@@ -160,29 +164,39 @@ def joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, sa
     return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
 
 
+@inline_kernel
+def places(n, k):
+    """Where in the memory of N vehicles and K spheres half-spaces, velocities, stops begin, and its size."""
+    half_spaces = 8 * SETTINGS
+    velocities = half_spaces + 32 * n * k
+    stops = velocities + 24 * n * k
+    return half_spaces, velocities, stops, stops + PLAN_BYTES * n
+
+
 @kernel
-def joint_batch(flat, center, radius, velocity, snap, last, plans, numbers, closing, authority, safe, facts):
+def joint_batch(flat, center, radius, snap, velocity, memory, closing, authority, out):
     """Rows of ``joint_row``; the first code that is not ``DONE``."""
-    code = checked_rows(flat, center, radius, velocity, snap, safe)
-    settings = unpacked(numbers, closing, authority)
-    center, radius, velocity = borrowed(center), borrowed(radius), borrowed(velocity)
-    last, plans, facts = borrowed(last), borrowed(plans), borrowed(facts)
-    for i in range(safe.shape[0]):
+    n, k = flat.shape[0], radius.shape[1]
+    half_spaces, velocities, stops, size = places(n, k)
+    if not (memory.shape[0] == size and out.shape[0] == (3 + FACTS) * n):
+        return BAD_SHAPES
+    last, plans = carved(memory, half_spaces, FLOATS, (n, k, 4)), carved(memory, stops, PLANS, (n,))
+    moving = velocities_or(velocity, memory, velocities, n, k)
+    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
+    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority)
+    flat, center, radius = borrowed(flat), borrowed(center), borrowed(radius)
+    code = checked_rows(flat, center, radius, moving, snap, safe)
+    for i in range(n):
         if code == DONE:
-            code = joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, safe, facts)
+            code = joint_row(i, flat, center, radius, moving, snap, last, plans, settings, safe, facts)
     return code
 
 
 @kernel
-def joint_one(flat, center, radius, velocity, snap, last, plans, numbers, closing, authority, safe, facts):
+def joint_one(flat, center, radius, snap, velocity, memory, closing, authority, out):
     """``joint_batch`` of one vehicle without the leading axis."""
-    if not shapes_of_one(flat, center, radius, velocity, snap):
-        return BAD_SHAPES
     flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
-    answers = (one_row(safe), one_row(facts))
-    return joint_batch(
-        flats, centers, radii, velocity, snaps, last, plans, numbers, closing, authority, *answers
-    )
+    return joint_batch(flats, centers, radii, snaps, velocity, memory, closing, authority, out)
 
 
 @kernel
@@ -207,23 +221,34 @@ class SampledMethod:
         self._settings = settings
 
     def allocate(self, rows: int, obstacles: int) -> None:
-        """Empty memory for every row."""
-        self._last = np.zeros((rows, obstacles, 4))
-        self._plans = np.zeros(rows, dtype=PLAN)
+        """Empty memory for every row, in one array."""
+        self._size = (rows, obstacles)
+        self._memory = np.zeros(int(places(rows, obstacles)[3]), dtype=np.uint8)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""
-        self._last[mask] = 0.0
-        self._plans[mask] = np.zeros((), dtype=PLAN)
+        last, plans = self._parts()
+        last[mask] = 0.0
+        plans[mask] = np.zeros((), dtype=PLAN)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         # A stop is stored in whole periods: of another length it would be another stop.
-        self._plans["is_stored"] = False
+        self._parts()[1]["is_stored"] = False
         numbers, kept = packed(self._settings, period)
+        carved(self._memory, 0, FLOATS, (SETTINGS,))[:] = numbers
         closing = closing_bounds(self._settings)
         bounds = None if max(closing) == -math.inf else closing
-        return Kernels(joint_batch, joint_one, (self._last, self._plans, numbers, bounds, kept))
+        return Kernels(joint_batch, joint_one, (self._memory, bounds, kept))
+
+    def _parts(self) -> tuple[NDArray[np.float64], NDArray[np.void]]:
+        """Half-spaces and stops, made when they are used: a copy of this object has a memory of its own."""
+        rows, obstacles = self._size
+        half_spaces, _, stops, _ = (int(place) for place in places(rows, obstacles))
+        return (
+            carved(self._memory, half_spaces, FLOATS, (rows, obstacles, 4)),
+            carved(self._memory, stops, PLANS, (rows,)),
+        )
 
 
 def packed(settings: Mapping[str, Any], period: float) -> tuple[NDArray[np.float64], Authority | None]:

@@ -165,14 +165,14 @@ class Shield:
                 accelerating spheres, or spheres that the method does not take.
         """
         if period == self._period and velocity is None and acceleration is None:
-            safe, facts = np.empty(self._shape), np.empty(self._facts_shape)
+            out = np.empty(self._numbers)
             try:
-                code = self._kernel(flat, center, radius, self._at_rest, snap, *self._own, safe, facts)
+                code = self._kernel(flat, center, radius, snap, None, *self._own, out)
             except (TypeError, AttributeError):
                 # No arrays of float64 in C order: the careful way makes them so, or says what is wrong.
                 code = BAD_SHAPES
             if code == DONE:
-                return Filtered(safe, facts)
+                return Filtered(out, self._leading)
         if acceleration is not None and np.any(acceleration):
             raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
         return self._filter_checked(flat, center, radius, snap, period, velocity)
@@ -184,28 +184,28 @@ class Shield:
         if size is None:
             raise _shape_error(flat, center, radius, snap)
         self._begin(size, is_single, positive_number("period", period))
-        moving = self._at_rest if velocity is None else _velocity_rows(velocity, self._at_rest.shape)
-        safe, facts = np.empty(self._shape), np.empty(self._facts_shape)
+        moving = None if velocity is None else _velocity_rows(velocity, (*size, 3))
+        out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
-            code = self._kernel(flats, centers, radii, moving, snaps, *self._own, safe, facts)
+            code = self._kernel(flats, centers, radii, snaps, moving, *self._own, out)
         if code != DONE:
             raise _error(code, flats, centers, radii, moving)
-        return Filtered(safe, facts)
+        return Filtered(out, self._leading)
 
     def _begin(self, size: tuple[int, int], is_single: bool, period: float) -> None:
         """Memory at the first call, the kernel for these shapes and this period."""
         if self._size is None:
             self._method.allocate(*size)
-            self._at_rest, self._size, self._period = np.zeros((*size, 3)), size, math.nan
+            self._size, self._period = size, math.nan
         if size != self._size:
             raise ValueError(
                 f"flat and radius must keep their N and K until reset(), got {size} after {self._size}"
             )
         if period != self._period:
             self._kernels, self._period = self._method.at(period), period
-        leading = () if is_single else size[:1]
+        self._leading = () if is_single else size[:1]
         self._kernel = self._kernels.one if is_single else self._kernels.batch
-        self._own, self._shape, self._facts_shape = self._kernels.own, (*leading, 3), (*leading, FACTS)
+        self._own, self._numbers = self._kernels.own, (3 + FACTS) * size[0]
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget the rows of ``mask``, or without one everything, the number of plants too.
@@ -261,7 +261,8 @@ def _error(code: int, flat, center, radius, velocity) -> ValueError:
     """The sentence for rows that a method does not take."""
     if code == BAD_MEASUREMENT:
         for name, array in {"flat": flat, "center": center, "radius": radius, "velocity": velocity}.items():
-            finite_array(name, array)
+            if array is not None:
+                finite_array(name, array)
         return ValueError(f"radius must be >= 0, got {radius.min()}")
     if code == MOVING:
         return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from quadsafe_core.borrow import borrowed, one_row
+from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.jit import kernel
 
 
@@ -71,3 +71,36 @@ def test_one_row_is_the_same_memory_with_a_leading_axis():
     np.testing.assert_array_equal(array, 2.0 * np.arange(12.0).reshape(4, 3))
     assert sys.getrefcount(array) == before
     assert one_row(array).shape == (1, 4, 3) and np.shares_memory(one_row(array), array)
+
+
+KIND = np.dtype([("is_set", "?"), ("numbers", "f8", (2,))])
+FLOATS, RECORDS = np.zeros(0), np.zeros(0, dtype=KIND)
+
+
+@kernel
+def fill(memory, n):
+    """Write 0, 1, 2, … as (n, 2, 3) floats, and n records behind them."""
+    numbers, records = carved(memory, 0, FLOATS, (n, 2, 3)), carved(memory, 48 * n, RECORDS, (n,))
+    for i in range(n):
+        for k in range(2):
+            for axis in range(3):
+                numbers[i, k, axis] = 6 * i + 3 * k + axis
+        records[i]["is_set"] = i > 0
+        records[i]["numbers"][1] = -i
+    return numbers.shape
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("kind", [np.uint8, np.float64])
+def test_arrays_are_carved_out_of_one(kind):
+    n = 3
+    memory = np.zeros(200, dtype=np.uint8)[: (48 + KIND.itemsize) * n] if kind is np.uint8 else np.zeros(40)
+    assert fill(memory, n) == (3, 2, 3)
+    raw = memory.view(np.uint8)
+    np.testing.assert_array_equal(raw[: 48 * n].view(np.float64), np.arange(18.0))
+    records = raw[48 * n : (48 + KIND.itemsize) * n].view(KIND)
+    assert records["is_set"].tolist() == [False, True, True] and records["numbers"][:, 1].tolist() == [
+        0,
+        -1,
+        -2,
+    ]

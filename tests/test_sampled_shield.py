@@ -3,6 +3,7 @@
 import copy
 import itertools
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -145,6 +146,23 @@ def test_filter_is_idempotent():
     # Rounding of the projection.
     np.testing.assert_allclose(twice.snap[kept], once.snap[kept], rtol=1e-9, atol=1e-9)
     assert not twice.refused[kept].any()
+
+
+def test_a_copy_remembers_and_forgets_by_itself():
+    rng = np.random.default_rng(4)
+    flat, center, radius, _ = scene(rng, 4, 2)
+    shield = Shield()
+    for _ in range(5):
+        flat = moved(flat, shield.filter(flat, center, radius, attack(rng, flat, center), PERIOD).snap, PERIOD)
+    wish = attack(rng, flat, center)
+    for twin in (copy.deepcopy(shield), pickle.loads(pickle.dumps(shield))):
+        twin.reset(np.array([True, False, False, False]))
+        answers = [s.filter(flat, center, radius, wish, PERIOD) for s in (twin, copy.deepcopy(shield))]
+        for ours, theirs in zip(*answers, strict=True):
+            np.testing.assert_array_equal(ours[1:], theirs[1:])
+        # The first row of the twin is as a new shield has it.
+        new = Shield().filter(flat, center, radius, wish, PERIOD)
+        np.testing.assert_array_equal(answers[0].snap[0], new.snap[0])
 
 
 def test_a_row_of_a_batch_is_a_single_plant_bit_for_bit():
