@@ -114,14 +114,23 @@ def is_separated(n, length, points, center, drift, radius):
     return True
 
 
+@inline_kernel
+def nearest_on_chord(start, end):
+    """The point of a straight line from start to end that is nearest to the origin."""
+    chord = subtract(end, start)
+    square = dot(chord, chord)
+    share = -dot(start, chord) / square if square > 0.0 else 0.0
+    return combined(start, min(max(share, 0.0), 1.0), chord)
+
+
 @kernel
 def piece_clears(points, center, drift, radius):
-    """Whether a plane across the direction to the middle of the piece, or to its start, separates."""
-    middle = subtract(points[2], combined(center, 0.5, drift))
-    if is_separated(middle, norm(middle), points, center, drift, radius):
+    """Whether a plane separates: across the way to the nearest point of the chord, or to the middle."""
+    n = nearest_on_chord(subtract(points[0], center), subtract(points[4], add(center, drift)))
+    if is_separated(n, norm(n), points, center, drift, radius):
         return True
-    start = subtract(points[0], center)
-    return is_separated(start, norm(start), points, center, drift, radius)
+    middle = subtract(points[2], combined(center, 0.5, drift))
+    return is_separated(middle, norm(middle), points, center, drift, radius)
 
 
 @inline_kernel
@@ -172,13 +181,19 @@ def look_at_pieces(x, snap, start, d, pieces, spheres, band):
 
 
 @kernel
-def arc_is_clear(x, snap, start, duration, spheres, band):
-    """Whether the snap held from ``start`` for ``duration`` keeps clear: whole, or in ever shorter pieces."""
+def look_at_arc(x, snap, start, duration, spheres, band):
+    """The same for the snap held from ``start`` for ``duration``: whole, or in ever shorter pieces."""
     pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, spheres, band)
     while found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
         pieces *= 2
         found = look_at_pieces(x, snap, start, duration / pieces, pieces, spheres, band)
-    return found == CLEAR
+    return found
+
+
+@kernel
+def arc_is_clear(x, snap, start, duration, spheres, band):
+    """Whether the snap held from ``start`` for ``duration`` is sure to keep clear, and to the band."""
+    return look_at_arc(x, snap, start, duration, spheres, band) == CLEAR
 
 
 @kernel

@@ -21,6 +21,8 @@ from quadsafe_core.borrow import one_row
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import (
+    CLEAR,
+    HIT,
     Flat,
     Spheres,
     ThrustBand,
@@ -28,6 +30,7 @@ from shields.arcs import (
     combined,
     flat_of,
     flown,
+    look_at_arc,
     rest_is_clear,
     write3,
     write_flat,
@@ -183,31 +186,30 @@ def feedback(plan, x, period, gains):
 
 
 @kernel
-def stored_stop_is_clear(plan, period, spheres):
-    """Whether the stored stop, from the start of its present segment, keeps clear of the spheres of now."""
-    x, frame = flat_of(plan["begin"]), vector(plan["frame"])
+def look_at_stored_stop(plan, period, spheres):
+    """Whether the stored stop, from the start of its segment, keeps clear of the spheres of now."""
+    x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
     start, h = -elapsed(plan, period), plan["periods"] * period
     for _ in range(plan["segments_left"]):
         snap = dead_beat_snap(x, frame, h)
-        if not arc_is_clear(x, snap, start, h, spheres, ANY_THRUST):
-            return False
+        found = max(found, look_at_arc(x, snap, start, h, spheres, ANY_THRUST))
         x, start = flown(x, snap, h), start + h
-    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres)
+    return found if rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres) else HIT
 
 
 @kernel
 def standing(plan, x, period, around, limits, gains):
-    """What the stored stop is worth: STOPPED, ASTRAY if the vehicle is too far off it, else UNCERTIFIED.
+    """What the stored stop is worth: STOPPED, ASTRAY if it may not be clear by enough, else UNCERTIFIED.
 
-    Too far to be clear is not yet too far to come back; one that feedback cannot bring back has lost it.
+    It is given up only where a point of it lies in a sphere, or where feedback cannot bring the vehicle back.
     """
     if not plan["is_stored"]:
         return UNCERTIFIED
     if not norm(feedback(plan, x, period, gains)) <= limits.stop_snap_max:
         return UNCERTIFIED
-    if stored_stop_is_clear(plan, period, around.stored):
+    if look_at_stored_stop(plan, period, around.stored) == CLEAR:
         return STOPPED
-    return ASTRAY if stored_stop_is_clear(plan, period, around.bare) else UNCERTIFIED
+    return UNCERTIFIED if look_at_stored_stop(plan, period, around.bare) == HIT else ASTRAY
 
 
 @kernel

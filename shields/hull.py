@@ -14,7 +14,7 @@ import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import add, dot, norm, scale, subtract
-from shields.arcs import combined
+from shields.arcs import combined, nearest_on_chord
 from shields.radial import triple
 
 SEGMENTS = 3
@@ -125,15 +125,6 @@ def moves_away(gap, velocity, keep):
     speed = dot(velocity, velocity)
     ahead = max(0.0, dot(gap, velocity) / speed) if speed > 0.0 else 0.0
     return norm(combined(gap, -ahead, velocity)) >= keep
-
-
-@inline_kernel
-def nearest_on_chord(start, end):
-    """The point of a straight line from start to end that is nearest to the origin."""
-    chord = subtract(end, start)
-    square = dot(chord, chord)
-    share = -dot(start, chord) / square if square > 0.0 else 0.0
-    return combined(start, min(max(share, 0.0), 1.0), chord)
 
 
 @inline_kernel
