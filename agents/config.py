@@ -48,15 +48,15 @@ Pairs = Annotated[
 class PpoSettings:
     """Hyper-parameters of PPO, named as in Stable-Baselines3."""
 
-    n_envs: int = 64
+    n_envs: int = 128
     """Rows flown at once."""
-    n_steps: int = 128
+    n_steps: int = 64
     """Steps of each row between two updates."""
-    batch_size: int = 1024
+    batch_size: int = 2048
     """Transitions of one gradient step."""
-    n_epochs: int = 5
+    n_epochs: int = 10
     """Passes over the transitions of one update."""
-    learning_rate: float = 2e-3
+    learning_rate: float = 3e-3
     """Step size of Adam."""
     gamma: float = 0.99
     """Discount per policy step."""

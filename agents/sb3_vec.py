@@ -144,6 +144,12 @@ def attribute(env: VectorEnv, name: str) -> Any:
 
 def rows_of(info: dict[str, Any]) -> list[dict[str, Any]]:
     """One dict per row from the flat entries of a vector info."""
-    names = [name for name, value in info.items() if f"_{name}" in info and np.ndim(value) == 1]
-    columns = [info[name].tolist() for name in names]
-    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
+    columns = {name: value for name, value in info.items() if f"_{name}" in info and np.ndim(value) == 1}
+    # Most entries are zero in most rows: what is not, is written into copies of a dict of zeros.
+    zeros = {name: column.dtype.type(0).item() for name, column in columns.items()}
+    rows = [zeros.copy() for _ in next(iter(columns.values()), ())]
+    for name, column in columns.items():
+        hits = column.nonzero()[0]
+        for i, value in zip(hits.tolist(), column[hits].tolist(), strict=True):
+            rows[i][name] = value
+    return rows
