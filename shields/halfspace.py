@@ -115,6 +115,8 @@ def distance_demand(x, last, wanted, distance, sampling):
         return demand
     if dot(last, last) > 0.0:
         demand = better(demand, demand_along(last, x, wanted, distance, sampling), wanted)
+        if demand.is_admissible and excess(demand, wanted) == 0.0:
+            return demand
     ahead = closest_approach(x)
     length = norm(ahead)
     if length > 0.0:
