@@ -49,10 +49,10 @@ class Filtered:
         leading: (N,), or () for one plant.
     """
 
-    __slots__ = ("_leading", "_numbers")
+    __slots__ = ("_leading", "numbers")
 
     def __init__(self, numbers: NDArray[np.float64], leading: tuple[int, ...]):
-        self._numbers, self._leading = numbers, leading
+        self.numbers, self._leading = numbers, leading
 
     def __iter__(self) -> Iterator[Any]:
         """The snap and the other fields in the order in which they stand here."""
@@ -66,15 +66,15 @@ class Filtered:
     def snap(self) -> NDArray[np.float64]:
         """(…, 3) safe snap, m/s⁴."""
         if not self._leading:
-            return self._numbers[:3]
+            return self.numbers[:3]
         n = self._leading[0]
-        return self._numbers[: 3 * n].reshape(n, 3)
+        return self.numbers[: 3 * n].reshape(n, 3)
 
     @property
     def facts(self) -> NDArray[np.float64]:
         """(…, 10) the fields below, in one array of numbers."""
         snaps = 3 * math.prod(self._leading)
-        return self._numbers[snaps:].reshape(*self._leading, FACTS)
+        return self.numbers[snaps:].reshape(*self._leading, FACTS)
 
     @property
     def correction(self) -> Any:

@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.borrow import carved
 from quadsafe_core.jit import kernel
 from shields.filtered import (
     CORRECTION,
+    FACTS,
+    FLOATS,
     INTERVENED,
     IS_CERTIFIED,
     IS_FALLBACK,
@@ -40,11 +43,13 @@ def open_batch(snaps, numbers, counts, flags):
 
 
 @kernel
-def count_batch(desired, snap, facts, is_first, snaps, numbers, counts, flags):
-    """Add one control period."""
+def count_batch(desired, answer, is_first, snaps, numbers, counts, flags):
+    """Add one control period; ``answer`` holds the snaps and facts of a ``Filtered``."""
     if is_first:
         open_batch(snaps, numbers, counts, flags)
-    for i in range(facts.shape[0]):
+    n = numbers.shape[1]
+    snap, facts = carved(answer, 0, FLOATS, (n, 3)), carved(answer, 24 * n, FLOATS, (n, FACTS))
+    for i in range(n):
         for axis in range(3):
             snaps[0, i, axis], snaps[1, i, axis] = desired[i, axis], snap[i, axis]
         if facts[i, CORRECTION] > numbers[0, i]:
@@ -65,23 +70,18 @@ class Recorder:
     """A shield in the slot, and what it did over the policy step."""
 
     def __init__(self, shield: Shield, rows: int):
-        self.shield, self._rows = shield, rows
-        self.begin()
+        self.shield, self._periods = shield, 0
+        self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
+        self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((5, rows), dtype=np.bool_)
 
     def begin(self) -> None:
-        """Open a policy step, in arrays of its own."""
-        n = self._rows
-        self._snaps, self._numbers = np.empty((2, n, 3)), np.empty((3, n))
-        self._counts, self._flags = np.empty((4, n), dtype=np.int64), np.empty((5, n), dtype=np.bool_)
+        """Open a policy step."""
         self._periods = 0
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
-        answer = self.shield.filter(flat, center, radius, snap, period)
-        is_first = self._periods == 0
-        count_batch(
-            snap, answer.snap, answer.facts, is_first, self._snaps, self._numbers, self._counts, self._flags
-        )
+        answer, is_first = self.shield.filter(flat, center, radius, snap, period), self._periods == 0
+        count_batch(snap, answer.numbers, is_first, self._snaps, self._numbers, self._counts, self._flags)
         self._periods += 1
         return answer
 
@@ -95,15 +95,19 @@ class Recorder:
         return self._counts[1] / max(self._periods, 1)
 
     def summary(self) -> dict[str, NDArray]:
-        """``info["shield"]`` of every row; the arrays of this policy step."""
+        """``info["shield"]`` of every row, fresh arrays."""
         self._open_if_nothing_flown()
-        return dict(zip(KEYS, (*self._snaps, *self._numbers, *self._counts, *self._flags), strict=True))
+        lines = (self._snaps, self._numbers, self._counts, self._flags)
+        snaps, numbers, counts, flags = (line.copy() for line in lines)
+        return dict(zip(KEYS, (*snaps, *numbers, *counts, *flags), strict=True))
 
     def summary_of_one(self) -> dict[str, Any]:
         """``info["shield"]`` of the only row, numbers as Python's."""
         self._open_if_nothing_flown()
-        lines = (*self._numbers.tolist(), *self._counts.tolist(), *self._flags.tolist())
-        return dict(zip(KEYS, (*self._snaps[:, 0], *(line[0] for line in lines)), strict=True))
+        desired, applied = self._snaps[:, 0].copy()
+        numbers, counts = self._numbers.reshape(-1).tolist(), self._counts.reshape(-1).tolist()
+        flags = self._flags.reshape(-1).tolist()
+        return dict(zip(KEYS, (desired, applied, *numbers, *counts, *flags), strict=True))
 
     def _open_if_nothing_flown(self) -> None:
         if self._periods == 0:

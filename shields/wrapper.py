@@ -186,11 +186,10 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return observations, rewards, terminated, truncated, self._with_shield(info)
 
     def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
-        summary = self._installation.recorder.summary()
-        info = _described(info, summary, np.ones(self.num_envs, dtype=np.bool_))
+        recorder = self._installation.recorder
+        info = _described(info, recorder.summary(), np.ones(self.num_envs, dtype=np.bool_))
         if "final_info" in info:
-            copies = {key: lines.copy() for key, lines in summary.items()}
-            info["final_info"] = _described(info["final_info"], copies, info["_final_info"].copy())
+            info["final_info"] = _described(info["final_info"], recorder.summary(), info["_final_info"].copy())
         return info
 
 
