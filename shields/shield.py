@@ -8,8 +8,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.authority import Authority, checked_authority
-from quadsafe_core.checks import finite_array, non_negative_number, one_of, positive_number, shaped_array
+from quadsafe_core.authority import Authority
+from quadsafe_core.checks import finite_array, one_of, positive_number, shaped_array
 from quadsafe_core.jit import compiling
 from shields.cbf import CbfMethod
 from shields.filtered import (
@@ -23,9 +23,8 @@ from shields.filtered import (
     Kernels,
 )
 from shields.joint import SampledMethod
+from shields.settings import checked_settings
 
-# What an authority takes the place of.
-FREE_NUMBERS = MappingProxyType({"snap_max": 200.0, "reserve": 3.0, "thrust_min": 1.0, "gravity": 9.81})
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
 
@@ -105,21 +104,19 @@ class Shield:
         max_closing_acceleration: float | None = None,
         max_closing_jerk: float | None = None,
     ):
-        given = {"snap_max": snap_max, "reserve": reserve, "thrust_min": thrust_min, "gravity": gravity}
-        vehicle = _free_numbers(given) if authority is None else _bound_numbers(given, method, authority)
-        self._settings = {
-            "method": one_of("method", method, tuple(METHODS)),
-            "snap_max": vehicle["snap_max"],
-            "reserve": vehicle["reserve"],
-            "alpha": positive_number("alpha", alpha),
-            "margin": non_negative_number("margin", margin),
-            "thrust_min": vehicle["thrust_min"],
-            "gravity": vehicle["gravity"],
-            "authority": vehicle["authority"],
-            "max_closing_speed": _optional("max_closing_speed", max_closing_speed),
-            "max_closing_acceleration": _optional("max_closing_acceleration", max_closing_acceleration),
-            "max_closing_jerk": _optional("max_closing_jerk", max_closing_jerk),
-        }
+        self._settings = checked_settings(
+            method=one_of("method", method, tuple(METHODS)),
+            snap_max=snap_max,
+            reserve=reserve,
+            alpha=alpha,
+            margin=margin,
+            thrust_min=thrust_min,
+            gravity=gravity,
+            authority=authority,
+            max_closing_speed=max_closing_speed,
+            max_closing_acceleration=max_closing_acceleration,
+            max_closing_jerk=max_closing_jerk,
+        )
         self._method: Method = METHODS[method](self._settings)
         self._size: tuple[int, int] | None = None
         self._period = math.nan
@@ -279,36 +276,3 @@ def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.fl
     if rows.size != math.prod(shape) or rows.shape[-2:] != shape[-2:]:
         raise ValueError(f"velocity must have the shape of center, got {np.shape(velocity)}")
     return rows.reshape(shape)
-
-
-def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
-    """Free numbers, the defaults where none is given."""
-    number = {name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()}
-    return {
-        "snap_max": positive_number("snap_max", number["snap_max"]),
-        "reserve": _at_least_one("reserve", number["reserve"]),
-        "thrust_min": non_negative_number("thrust_min", number["thrust_min"]),
-        "gravity": positive_number("gravity", number["gravity"]),
-        "authority": None,
-    }
-
-
-def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) -> dict[str, Any]:
-    """The authority as a dict, and none of what it takes the place of."""
-    if method != "sampled":
-        raise ValueError(f"authority needs method 'sampled', got {method!r}")
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(f"{name} must be left out beside an authority, which sets it, got {value!r}")
-    return {**given, "authority": checked_authority("authority", authority)._asdict()}
-
-
-def _at_least_one(name: str, value: float) -> float:
-    number = positive_number(name, value)
-    if number < 1.0:
-        raise ValueError(f"{name} must be >= 1, got {value!r}")
-    return number
-
-
-def _optional(name: str, value: float | None) -> float | None:
-    return None if value is None else positive_number(name, value)

@@ -352,3 +352,30 @@ def test_one_filtered_row():
     braked = cbf().filter(flat, np.zeros((1, 3)), [0.0], np.full(3, np.nan), PERIOD)
     assert braked.fallback
     assert braked.snap[0] > 0.0 > braked.snap[1]
+
+
+def test_unchecked_arguments_start_no_compilation():
+    from shields import joint
+
+    flat, center, radius, snap = (x[0] for x in rows(1))
+    shield = Shield()
+    expected = shield.filter(flat, center, radius, snap, PERIOD)
+    compiled = len(getattr(joint.joint_one, "signatures", ()))
+    kinds = (
+        [x.astype(np.float32) for x in (flat, center, radius, snap)],
+        [x.tolist() for x in (flat, center, radius, snap)],
+        [np.asfortranarray(x) for x in (flat, center, radius, snap)],
+    )
+    for question in kinds:
+        shield.reset()
+        shield.filter(*question, PERIOD)
+        answer = shield.filter(*question, PERIOD)
+        np.testing.assert_allclose(answer.snap, expected.snap, rtol=1e-4)
+    read_only = flat.copy()
+    read_only.flags.writeable = False
+    shield.reset()
+    assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
+    assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
+    assert len(getattr(joint.joint_one, "signatures", ())) == compiled
+    with pytest.raises(ValueError, match=r"must have shape \(…, 4, 3\)"):
+        shield.filter(flat[:3], center, radius, snap, PERIOD)

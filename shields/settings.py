@@ -1,0 +1,73 @@
+"""The settings of a shield, checked and complete."""
+
+from types import MappingProxyType
+from typing import Any
+
+from quadsafe_core.authority import checked_authority
+from quadsafe_core.checks import non_negative_number, positive_number
+
+# What an authority takes the place of.
+FREE_NUMBERS = MappingProxyType({"snap_max": 200.0, "reserve": 3.0, "thrust_min": 1.0, "gravity": 9.81})
+
+
+def checked_settings(
+    *, method: str, authority: Any, alpha: float, margin: float, **given: Any
+) -> dict[str, Any]:
+    """Every setting as a plain number, None where an authority or nothing takes its place.
+
+    Args:
+        method: a known one.
+        authority: as in ``shields.Shield``.
+        alpha: as in ``shields.Shield``.
+        margin: as in ``shields.Shield``.
+        given: the free numbers and the bounds on closing motion, None where they are left out.
+
+    Raises:
+        ValueError, TypeError: naming the setting, what was expected and what came.
+    """
+    free = {name: given[name] for name in FREE_NUMBERS}
+    vehicle = _free_numbers(free) if authority is None else _bound_numbers(free, method, authority)
+    return {
+        "method": method,
+        "snap_max": vehicle["snap_max"],
+        "reserve": vehicle["reserve"],
+        "alpha": positive_number("alpha", alpha),
+        "margin": non_negative_number("margin", margin),
+        "thrust_min": vehicle["thrust_min"],
+        "gravity": vehicle["gravity"],
+        "authority": vehicle["authority"],
+        **{name: _optional(name, value) for name, value in given.items() if name not in FREE_NUMBERS},
+    }
+
+
+def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
+    """Free numbers, the defaults where none is given."""
+    number = {name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()}
+    return {
+        "snap_max": positive_number("snap_max", number["snap_max"]),
+        "reserve": _at_least_one("reserve", number["reserve"]),
+        "thrust_min": non_negative_number("thrust_min", number["thrust_min"]),
+        "gravity": positive_number("gravity", number["gravity"]),
+        "authority": None,
+    }
+
+
+def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) -> dict[str, Any]:
+    """The authority as a dict, and none of what it takes the place of."""
+    if method != "sampled":
+        raise ValueError(f"authority needs method 'sampled', got {method!r}")
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} must be left out beside an authority, which sets it, got {value!r}")
+    return {**given, "authority": checked_authority("authority", authority)._asdict()}
+
+
+def _at_least_one(name: str, value: float) -> float:
+    number = positive_number(name, value)
+    if number < 1.0:
+        raise ValueError(f"{name} must be >= 1, got {value!r}")
+    return number
+
+
+def _optional(name: str, value: float | None) -> float | None:
+    return None if value is None else positive_number(name, value)
