@@ -30,6 +30,7 @@ NUMBERS = ("correction", "value", "reserve")
 COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
 FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback")
 KEYS = (*SNAPS, *NUMBERS, *COUNTS, *FLAGS)
+ALL_KEYS = (*KEYS, *(f"_{key}" for key in KEYS))
 
 
 @kernel
@@ -94,12 +95,12 @@ class Recorder:
         self._open_if_nothing_flown()
         return self._counts[1] / max(self._periods, 1)
 
-    def summary(self) -> dict[str, NDArray]:
-        """``info["shield"]`` of every row, fresh arrays."""
+    def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
+        """``info["shield"]`` of every row, fresh arrays, and the mask behind every ``_key``."""
         self._open_if_nothing_flown()
-        lines = (self._snaps, self._numbers, self._counts, self._flags)
-        snaps, numbers, counts, flags = (line.copy() for line in lines)
-        return dict(zip(KEYS, (*snaps, *numbers, *counts, *flags), strict=True))
+        snaps, numbers = self._snaps.copy(), self._numbers.copy()
+        counts, flags = self._counts.copy(), self._flags.copy()
+        return dict(zip(ALL_KEYS, (*snaps, *numbers, *counts, *flags, *(mask,) * len(KEYS)), strict=True))
 
     def summary_of_one(self) -> dict[str, Any]:
         """``info["shield"]`` of the only row, numbers as Python's."""

@@ -10,14 +10,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
-from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number
-from shields.recorder import KEYS, Recorder
+from shields.recorder import Recorder
 from shields.shield import Shield
 
 VEHICLE = "vehicle"
-MASK_KEYS = tuple(f"_{key}" for key in KEYS)
 
 
 class Installation:
@@ -152,6 +150,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def __init__(self, env: gymnasium.vector.VectorEnv, *, intervention_penalty: float = 0.0, **settings: Any):
         super().__init__(env)
+        self._everyone = np.ones(env.num_envs, dtype=np.bool_)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
         shield = Shield(**_resolved(settings, env.unwrapped))
         self._installation = Installation(env.unwrapped, shield, rows=env.num_envs)
@@ -187,12 +186,9 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
         recorder = self._installation.recorder
-        info = _described(info, recorder.summary(), np.ones(self.num_envs, dtype=np.bool_))
+        info = {**info, "shield": recorder.summary(self._everyone.copy()), "_shield": self._everyone.copy()}
         if "final_info" in info:
-            info["final_info"] = _described(info["final_info"], recorder.summary(), info["_final_info"].copy())
+            ended = info["_final_info"]
+            told = {"shield": recorder.summary(ended.copy()), "_shield": ended.copy()}
+            info["final_info"] = {**info["final_info"], **told}
         return info
-
-
-def _described(info: dict[str, Any], summary: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """An info with what the shield did, told of the rows of a mask."""
-    return {**info, "shield": summary | dict.fromkeys(MASK_KEYS, mask), "_shield": mask}
