@@ -90,13 +90,16 @@ def around(plan, x, spheres, margin, period):
 def backup_snap(x, spheres, last, settings, facts):
     """Without a stop: brake and push off the spheres, or off the most demanding if they conflict.
 
+    Where no sphere demands most, the limits of an authority conflict by themselves: then brake alone.
+
     Nearly opposed half-spaces do have a point in common, but a far one.
     """
     input_max = settings.sampling.input_max
     brake = braking(x.v, x.a, x.j, settings.braking)
     u, is_feasible = nearest_snap(x, brake, False, spheres, last, settings, facts)
     if not (is_feasible and norm(u) <= norm(brake) + 2 * input_max):
-        u = scale(input_max, vector(last[int(facts[OBSTACLE])]))
+        k = int(facts[OBSTACLE])
+        u = scale(input_max, vector(last[k])) if k >= 0 else brake
     return within_ball(u, settings.limits.snap_max)
 
 

@@ -11,10 +11,12 @@ from hypothesis import strategies as st
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.authority import Authority, acceleration_along
+from quadsafe_core.feedback import held_gains
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.arcs import Flat, flown
 from shields.braking import BrakingSet
 from shields.braking_held import sampled_braking_input
+from shields.filtered import BRAKING_POLE
 from shields.halfspace import Sampling, demand_along
 from shields.joint import RESERVED
 from shields.within import limit_demand
@@ -166,6 +168,23 @@ def test_a_vehicle_beyond_its_authority_is_brought_back():
         assert is_in or not reached
         reached |= is_in
     assert reached and answer.certified
+
+
+@pytest.mark.parametrize("radius", [[], [0.0], [1.0]])
+def test_where_its_limits_conflict_a_vehicle_brakes(radius):
+    # Tumbling, far beyond thrust and jerk: no stop, and half-spaces of the limits that exclude each other.
+    rng, center = np.random.default_rng(5), np.full((len(radius), 3), 50.0)
+    conflicts = 0
+    for _ in range(200):
+        flat = rng.normal(size=(4, 3)) * [[0.0], [5.0], [60.0], [3000.0]]
+        answer = Shield(authority=LIMITS).filter(flat, center, radius, rng.normal(size=3) * 1e3, PERIOD)
+        assert np.isfinite(answer.snap).all()
+        assert np.linalg.norm(answer.snap) <= LIMITS.snap_max * (1 + 1e-12)
+        k_v, k_a, k_j = held_gains(3, BRAKING_POLE, PERIOD)
+        brake = -(k_v * flat[1] + k_a * flat[2] + k_j * flat[3])
+        along = answer.snap @ brake / (np.linalg.norm(brake) * np.linalg.norm(answer.snap))
+        conflicts += bool(not answer.certified and along > 1 - 1e-9)
+    assert conflicts > 0
 
 
 def test_authority_comes_as_a_mapping_too_and_survives_json():

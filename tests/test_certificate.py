@@ -334,7 +334,7 @@ def test_an_absent_sphere_lends_no_frame():
 
 
 def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
-    # A fast flight past a sphere that a plane just misses, its plane too fine for the pieces.
+    # A stop whose end lies before a sphere, or in it. No new stop can begin: it would have to keep 50 m.
     x = flat_state([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), WORLD, (0.0, 0.0, 40.0)])
     plan = empty_plan()
     write_stop(plan, x, WORLD, 4, PERIOD)
