@@ -1,46 +1,56 @@
-"""Train PPO with and without the shield, and compare how often the two collide.
+"""Train with and without the shield, and compare how often the two collide.
 
 python train.py                  both arms on QuadSafe/Avoid-v0
-python train.py evaluate RUN     the models of a run again, on held-out scenes
+python train.py -i RUN           go on with a run, or add arms and seeds to it
+python train.py evaluate RUN     the agents of a run again, on held-out scenes
+python train.py report RUN       tables and figures again, from the CSV files of a run
 """
 
 import sys
 from collections.abc import Sequence
 
-from agents.command_line import Evaluate, Train, errors_as_sentences, interrupts_end_quietly, parse
+from agents.command_line import Evaluate, Report, Train, errors_as_sentences, interrupts_end_quietly, parse
 
 
 def train(command: Train) -> int:
-    """Train every arm with every seed, evaluate, report; 130 if Ctrl-C ended it early."""
+    """Train and fly every arm with every seed, report; 130 if Ctrl-C ended it early, 1 if a job failed."""
     print("Preparing; the first time, this compiles for about a minute.", flush=True)
-    from agents import build, evaluate, ppo, report, runs
+    from agents import algorithms, build, display, engines, provenance, reporting, runs
 
     with errors_as_sentences():
-        ppo.check_device(command.options.device)
+        algorithms.check_device(command.options.device)
         experiment = build.checked(command.experiment)
-        run = runs.create_run(experiment, command.options)
+        run = runs.begin(experiment, command.options, provenance.provenance(experiment))
+        jobs = run.open_jobs()
+        engine = engines.engine_of(command.options, len(jobs))
+        with engines.StopRequest(run.stop_file) as stop, display.Display(run, jobs, command.options):
+            failures = engine.run(run, jobs, command.options)
 
-    with ppo.StopRequest() as stop:
-        for arm, seed in experiment.trainings():
-            ppo.train(run, arm, seed, command.options, stop)
-            if stop.is_set:
-                print(report.write_report(run))
-                print(f"Stopped early. To fly what was learned: python train.py evaluate {run.folder}")
-                return 130
-
-    evaluate.evaluate_run(run)
-    print(report.write_report(run))
-    return 0
+    for (arm, seed), failure in failures.items():
+        print(f"train.py: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
+    print(reporting.write_report(run))
+    if run.open_jobs():
+        print(f"{'Stopped' if stop.is_set else 'Ended'} early. To go on: python train.py -i {run.folder}")
+    return 130 if stop.is_set else 1 if failures else 0
 
 
 def evaluate(command: Evaluate) -> int:
-    """Evaluate the models of a run and report."""
-    from agents import evaluate, report, runs
+    """Fly the agents of a run again, and report."""
+    from agents import evaluate, reporting, runs
 
     with errors_as_sentences():
         run = runs.open_run(command.run)
         evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
-    print(report.write_report(run))
+        print(reporting.write_report(run))
+    return 0
+
+
+def report(command: Report) -> int:
+    """Make the tables and figures of a run again."""
+    from agents import reporting, runs
+
+    with errors_as_sentences():
+        print(reporting.write_report(runs.open_run(command.run)))
     return 0
 
 
@@ -49,7 +59,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     with errors_as_sentences():
         command = parse(arguments)
     with interrupts_end_quietly():
-        return evaluate(command) if isinstance(command, Evaluate) else train(command)
+        match command:
+            case Evaluate():
+                return evaluate(command)
+            case Report():
+                return report(command)
+            case Train():
+                return train(command)
 
 
 if __name__ == "__main__":

@@ -4,17 +4,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from stable_baselines3.common.policies import ActorCriticPolicy
+    from stable_baselines3.common.policies import BasePolicy
 
 
-def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "ActorCriticPolicy":
+def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "BasePolicy":
     """The policy of a finished training.
 
     Nothing in the files is executed: the policy is built from config.yml, its file holds weights only.
 
     Args:
         run: run folder, as "logs/QuadSafe-Avoid-v0_1".
-        arm: "none" or "shield"; default: the last that was trained.
+        arm: as "none" or "shield", see ``agents.arms``; default: the last that was trained.
         seed: which training of the arm; default: its first.
 
     Returns:
@@ -25,7 +25,7 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "A
         FileNotFoundError: if the folder is no run, or has no such training.
         ValueError: for files that do not hold a config or weights.
     """
-    from agents.ppo import load_policy
+    from agents.algorithms import load_policy
     from agents.runs import open_run
 
     opened = open_run(run)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -14,9 +14,10 @@ from agents.config import Experiment, Options, check_positive
 
 @dataclass(frozen=True)
 class Train:
-    """Train PPO with and without the shield, and compare how often the two collide.
+    """Train with and without the shield, and compare how often the two collide.
 
-    `train.py evaluate RUN` flies the models of a finished run again; see `train.py evaluate --help`.
+    `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
+    flies the agents of a run again, `train.py report RUN` makes its tables and figures again; each has --help.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -25,7 +26,7 @@ class Train:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Fly every model of a run on held-out scenes, each with the shield on and off."""
+    """Fly every agent of a run on held-out scenes, each with the shield on and off."""
 
     run: tyro.conf.Positional[Path]
     """Run folder, as logs/QuadSafe-Avoid-v0_1."""
@@ -38,12 +39,39 @@ class Evaluate:
         check_positive(self, "num_threads", *(["eval_episodes"] if self.eval_episodes is not None else []))
 
 
-def parse(arguments: Sequence[str] | None = None) -> Train | Evaluate:
-    """The command spelled by ``arguments`` (default: those of the process); exits on --help and errors."""
+@dataclass(frozen=True)
+class Report:
+    """Make the tables and figures of a run again, from its CSV files."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder, as logs/QuadSafe-Avoid-v0_1."""
+
+
+COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report}
+Command = Train | Evaluate | Report
+
+
+def parse(arguments: Sequence[str] | None = None) -> Command:
+    """The command spelled by ``arguments`` (default: those of the process); exits on --help and errors.
+
+    Raises:
+        ValueError, OSError: for -i with a folder that is no run.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    kind, words = (Evaluate, words[1:]) if words[:1] == ["evaluate"] else (Train, words)
-    name = "train.py evaluate" if kind is Evaluate else "train.py"
-    return tyro.cli(kind, args=words, prog=name, config=(tyro.conf.FlagCreatePairsOff,))
+    if words and words[0] in COMMANDS:
+        return _spelled(COMMANDS[words[0]], words[1:], f"train.py {words[0]}")
+    command = _spelled(Train, words, "train.py")
+    if command.options.trained_agent is None:
+        return command
+    # What is not said again is that of the run.
+    from agents.runs import open_run
+
+    return _spelled(Train, words, "train.py", Train(open_run(command.options.trained_agent).experiment))
+
+
+def _spelled(kind: type, words: list[str], name: str, *default: Train) -> Any:
+    keywords: dict[str, Any] = {"default": default[0]} if default else {}
+    return tyro.cli(kind, args=words, prog=name, config=(tyro.conf.FlagCreatePairsOff,), **keywords)
 
 
 @contextmanager

@@ -4,14 +4,32 @@ import ast
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import tyro
 
-Arm = Literal["none", "shield"]
-ARMS: tuple[Arm, ...] = get_args(Arm)
-SHIELDED_ARM: Arm = "shield"
+from agents.arms import ARMS
+
 SEED_LIMIT = 2**32
+# By the names of Stable-Baselines3, and what is not the constructor's: n_envs, the rows flown at once, and
+# net_arch and log_std_init of the policy. What is not here has the default of Stable-Baselines3.
+HYPERPARAMS: dict[str, dict[str, Any]] = {
+    "ppo": {
+        "n_envs": 128,
+        "n_steps": 64,
+        "batch_size": 2048,
+        "n_epochs": 10,
+        "learning_rate": 3e-3,
+        "gamma": 0.99,
+        "gae_lambda": 0.95,
+        "clip_range": 0.2,
+        "ent_coef": 0.0,
+        "log_std_init": 0.0,
+        "net_arch": [64, 64],
+    },
+    "sac": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
+    "td3": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
+}
 
 
 def _pairs(words: list[str]) -> dict[str, Any]:
@@ -45,41 +63,6 @@ Pairs = Annotated[
 
 
 @dataclass(frozen=True)
-class PpoSettings:
-    """Hyper-parameters of PPO, named as in Stable-Baselines3."""
-
-    n_envs: int = 128
-    """Rows flown at once."""
-    n_steps: int = 64
-    """Steps of each row between two updates."""
-    batch_size: int = 2048
-    """Transitions of one gradient step."""
-    n_epochs: int = 10
-    """Passes over the transitions of one update."""
-    learning_rate: float = 3e-3
-    """Step size of Adam."""
-    gamma: float = 0.99
-    """Discount per policy step."""
-    gae_lambda: float = 0.95
-    """Decay of the advantage estimator."""
-    clip_range: float = 0.2
-    """Bound of the policy ratio."""
-    ent_coef: float = 0.0
-    """Weight of the entropy."""
-    log_std_init: float = 0.0
-    """Logarithm of the first standard deviation of the actions."""
-    net_arch: tuple[int, ...] = (64, 64)
-    """Widths of the hidden layers of policy and value."""
-
-    def __post_init__(self):
-        check_positive(self, "n_envs", "n_steps", "batch_size", "n_epochs")
-        if self.n_envs * self.n_steps % self.batch_size:
-            raise ValueError(
-                f"batch_size must divide n_envs * n_steps = {self.n_envs * self.n_steps}, got {self.batch_size}"
-            )
-
-
-@dataclass(frozen=True)
 class Experiment:
     """Everything that decides what is learned."""
 
@@ -91,8 +74,13 @@ class Experiment:
     """Further keywords of the environment, as params:racer policy_hz:50."""
     shield: Pairs = field(default_factory=dict)
     """Settings of the shield, as alpha:4.0 snap_max:80.0."""
-    arms: tuple[Arm, ...] = ARMS
-    """What to train: without a shield, with it."""
+    arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(ARMS)}}} ...")] = ("none", "shield")
+    """What to compare, see agents/arms.py."""
+    algo: str = "ppo"
+    """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …"""
+    hyperparams: Annotated[Pairs, tyro.conf.arg(aliases=["-params"])] = field(default_factory=dict)
+    """Hyper-parameters by the names of Stable-Baselines3, and n_envs, net_arch, log_std_init, as n_envs:64
+    learning_rate:1e-3; over the defaults in agents/config.py."""
     n_timesteps: Annotated[int, tyro.conf.arg(aliases=["-n"])] = 1_000_000
     """Policy steps of each training, over all rows."""
     seed: int = 0
@@ -101,7 +89,6 @@ class Experiment:
     """Number of seeds: seed, seed + 1, …"""
     eval_episodes: int = 200
     """Held-out scenes of the evaluation."""
-    ppo: PpoSettings = field(default_factory=PpoSettings)
 
     def __post_init__(self):
         check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
@@ -115,9 +102,9 @@ class Experiment:
         """The seeds of every arm."""
         return range(self.seed, self.seed + self.n_seeds)
 
-    def trainings(self) -> list[tuple[str, int]]:
-        """Every (arm, seed), in the order of training."""
-        return [(arm, seed) for seed in self.seeds for arm in self.arms]
+    def jobs(self) -> list[tuple[str, int]]:
+        """Every (arm, seed), in the order of work; an arm without seeds has the first."""
+        return [(a, s) for s in self.seeds for a in self.arms if s == self.seed or ARMS[a].has_seeds]
 
 
 @dataclass(frozen=True)
@@ -126,15 +113,31 @@ class Options:
 
     log_folder: Annotated[Path, tyro.conf.arg(aliases=["-f"])] = Path("logs")
     """Folder for the run folders."""
+    trained_agent: Annotated[Path | None, tyro.conf.arg(aliases=["-i"], metavar="RUN")] = None
+    """Run folder to go on with, from its checkpoints; it keeps its settings, arms and seeds may be added."""
+    n_jobs: int = 0
+    """Trainings at a time, each in a process of its own; 0 for one a core."""
+    save_freq: int = 100_000
+    """Policy steps between two checkpoints of a training."""
+    engine: Literal["local", "ray"] = "local"
+    """Where trainings run: processes of this machine, or tasks of Ray."""
+    address: str | None = None
+    """Ray cluster to run on, as HOST:6379; without one, Ray starts on this machine."""
+    tensorboard_log: Annotated[Path | None, tyro.conf.arg(aliases=["-tb"])] = None
+    """Folder for TensorBoard."""
     progress: Annotated[bool, tyro.conf.arg(aliases=["-P"])] = False
-    """Show a progress bar for each training."""
+    """Show progress bars also where the output is no terminal."""
     device: str = "cpu"
     """Device of torch; for networks this small the CPU is the fastest."""
     num_threads: int = 1
-    """Threads of torch; more make networks this small slower."""
+    """Threads of torch for each training; more make networks this small slower."""
 
     def __post_init__(self):
-        check_positive(self, "num_threads")
+        check_positive(self, "num_threads", "save_freq")
+        if not isinstance(self.n_jobs, int) or self.n_jobs < 0:
+            raise ValueError(f"n_jobs must be an integer >= 0, got {self.n_jobs!r}")
+        if self.address is not None and self.engine != "ray":
+            raise ValueError(f"address must come with --engine ray, got {self.address!r}")
 
 
 def to_dict(settings: Experiment | Options) -> dict[str, Any]:
@@ -148,13 +151,13 @@ def experiment_from_dict(table: dict[str, Any]) -> Experiment:
     Raises:
         ValueError: for names that an experiment does not have, or a setting out of its range.
     """
-    ppo = _entry(table, "ppo", dict)
-    if "net_arch" in ppo:
-        ppo = {**ppo, "net_arch": tuple(_entry(ppo, "net_arch", list))}
-    fields = {name: _entry(table, name, dict) for name in ("env_kwargs", "shield")}
+    fields = {name: _entry(table, name, dict) for name in ("env_kwargs", "shield", "hyperparams")}
     if "arms" in table:
         fields["arms"] = tuple(_entry(table, "arms", list))
-    return _known(Experiment, {**table, **fields, "ppo": _known(PpoSettings, ppo)})
+    unknown = set(table) - {field.name for field in dataclasses.fields(Experiment)}
+    if unknown:
+        raise ValueError(f"config.yml must hold fields of Experiment only, got {sorted(map(str, unknown))}")
+    return Experiment(**{**table, **fields})
 
 
 def _entry(table: dict[str, Any], name: str, kind: type) -> Any:
@@ -162,15 +165,6 @@ def _entry(table: dict[str, Any], name: str, kind: type) -> Any:
     if not isinstance(value, kind):
         raise ValueError(f"config.yml must have a {kind.__name__} as {name}, got {value!r}")
     return value
-
-
-def _known(kind: type, table: dict[str, Any]):
-    unknown = set(table) - {field.name for field in dataclasses.fields(kind)}
-    if unknown:
-        raise ValueError(
-            f"config.yml must hold fields of {kind.__name__} only, got {sorted(map(str, unknown))}"
-        )
-    return kind(**table)
 
 
 def _plain(value: Any) -> Any:

@@ -1,31 +1,33 @@
-"""The run folder: what was asked for, with which versions, and a folder for each training.
+"""The run folder: what was asked for, with which versions, and a folder for each arm and seed.
 
     logs/QuadSafe-Avoid-v0_1/
-        config.yml  args.yml  versions.yml       the experiment, how it ran, and with what
-        shield_seed0/                            one training
+        config.yml  args.yml  provenance.yml     the experiment, how it ran, and with what
+        shield_seed0/                            one arm with one seed
+            checkpoint.pt                        the training, while it is not finished
             policy.pt  progress.csv  episodes.csv  training.json
-        evaluation.csv                           every held-out flight
-        results.json  results.csv  results.txt   the comparison
+            flights.csv                          every held-out flight; the last file of a finished job
+        trace.csv  trace.json                    one scene without and with the shield, step by step
+        seeds.csv  results.csv  results.txt  report.html   the comparison, made of the files above
 
-Every file is complete or not there at all: it is written beside its place, and moved into it.
+Every file is complete or not there at all: it is written beside its place, and moved into it. Only
+episodes.csv grows; it is cut back to where the checkpoint was.
 """
 
 import csv
+import fcntl
 import json
 import os
-import platform
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.arms import ARMS
 from agents.config import Experiment, Options, experiment_from_dict, to_dict
-
-PACKAGES = ("gymnasium", "stable-baselines3", "torch", "numpy", "scipy", "numba")
 
 
 @dataclass(frozen=True)
@@ -35,30 +37,97 @@ class Run:
     folder: Path
     experiment: Experiment
 
-    def training(self, arm: str, seed: int) -> Path:
-        """Folder of one training."""
+    def folder_of(self, arm: str, seed: int) -> Path:
+        """Folder of one arm with one seed."""
         return self.folder / f"{arm}_seed{seed}"
 
+    def is_done(self, arm: str, seed: int) -> bool:
+        """Whether the arm was trained and flown with this seed."""
+        return (self.folder_of(arm, seed) / "flights.csv").exists()
+
+    def is_trained(self, arm: str, seed: int) -> bool:
+        """Whether there is something to fly: a policy, or an agent that needs none."""
+        return not ARMS[arm].is_trained or (self.folder_of(arm, seed) / "policy.pt").exists()
+
+    def open_jobs(self) -> list[tuple[str, int]]:
+        """Every (arm, seed) that is not done."""
+        return [job for job in self.experiment.jobs() if not self.is_done(*job)]
+
     def trained(self) -> list[tuple[str, int]]:
-        """Every (arm, seed) whose training is there.
+        """Every (arm, seed) with a trained policy.
 
         Raises:
             FileNotFoundError: if there is none.
         """
-        found = [key for key in self.experiment.trainings() if (self.training(*key) / "policy.pt").exists()]
+        found = [(a, s) for a, s in self.experiment.jobs() if ARMS[a].is_trained and self.is_trained(a, s)]
         if not found:
             raise FileNotFoundError(f"run must hold a trained policy, got none in {self.folder}")
         return found
 
+    @property
+    def stop_file(self) -> Path:
+        """While this file is there, trainings save and end, wherever they run."""
+        return self.folder / ".stop"
 
-def create_run(experiment: Experiment, options: Options) -> Run:
+
+def create_run(experiment: Experiment, options: Options, provenance: Mapping[str, Any]) -> Run:
     """A new run folder ``<env>_<n>`` with the first n that is free."""
     folder = _first_free(options.log_folder, experiment.env.replace("/", "-"))
-    write_yaml(folder / "config.yml", to_dict(experiment))
-    write_yaml(folder / "args.yml", to_dict(options))
-    versions = {name: version(name) for name in PACKAGES}
-    write_yaml(folder / "versions.yml", {"python": platform.python_version(), **versions})
-    return Run(folder, experiment)
+    run = Run(folder, experiment)
+    write_records(run, options, provenance)
+    return run
+
+
+def begin(experiment: Experiment, options: Options, provenance: Mapping[str, Any]) -> Run:
+    """A new run, or the one that ``options`` says to go on with, with its records written."""
+    if options.trained_agent is None:
+        return create_run(experiment, options, provenance)
+    run = extended(open_run(options.trained_agent), experiment)
+    write_records(run, options, provenance)
+    return run
+
+
+def write_records(run: Run, options: Options, provenance: Mapping[str, Any]) -> None:
+    """What was asked for, how it runs, and with what."""
+    write_yaml(run.folder / "config.yml", to_dict(run.experiment))
+    write_yaml(run.folder / "args.yml", to_dict(options))
+    write_yaml(run.folder / "provenance.yml", provenance)
+
+
+def extended(old: Run, experiment: Experiment) -> Run:
+    """The run with the arms and seeds of an experiment that has at least its own.
+
+    Raises:
+        ValueError: for an experiment that differs in anything else.
+    """
+    before, now = to_dict(old.experiment), to_dict(experiment)
+    for name in before:
+        if name not in ("arms", "n_seeds") and before[name] != now[name]:
+            raise ValueError(
+                f"{name} must stay that of the run, {before[name]!r}, with -i {old.folder}, got {now[name]!r}"
+            )
+    missing = [job for job in old.experiment.jobs() if job not in experiment.jobs()]
+    if missing:
+        raise ValueError(
+            f"arms and n_seeds must keep those of the run with -i {old.folder}, got none of {missing}"
+        )
+    return Run(old.folder, experiment)
+
+
+@contextmanager
+def sole_use(folder: Path) -> Iterator[None]:
+    """While entered, no other process may work in this folder; a killed process frees it.
+
+    Raises:
+        BlockingIOError: if another one does.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / ".lock").open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise BlockingIOError(f"{folder} must be free, but another process works in it") from error
+        yield
 
 
 def open_run(folder: str | Path) -> Run:
@@ -83,7 +152,11 @@ def open_run(folder: str | Path) -> Run:
 
 
 def write_safely(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Put a file in its place in one move: a crash at any moment leaves the old one or the new one whole."""
+    """Put a file in its place in one move: a crash at any moment leaves the old one or the new one whole.
+
+    Raises:
+        OSError: naming the file, if it could not be written; the old one is intact then.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
@@ -92,9 +165,20 @@ def write_safely(path: Path, write: Callable[[IO[bytes]], object]) -> None:
             file.flush()
             os.fsync(file.fileno())
         temporary.replace(path)
-    except BaseException:
+        _sync_folder(path.parent)
+    except OSError as error:
+        raise OSError(error.errno, f"{error.strerror}; what was there before is intact", str(path)) from error
+    finally:
         temporary.unlink(missing_ok=True)
-        raise
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a move outlast a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -118,6 +202,11 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) 
     """A CSV file, in one move."""
     lines = [",".join(map(str, row)) for row in (header, *rows)]
     write_text(path, "\n".join(lines) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """The value of a JSON file."""
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def read_csv(path: Path, dtype: np.dtype) -> NDArray[np.void]:

@@ -37,8 +37,8 @@ class Sb3VectorEnv(VecEnv):
             raise ValueError(f"env must reset ended rows in the same step, got autoreset_mode {mode}")
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
-        self._counter = EpisodeCounter(self.num_envs)
         self._period = 1.0 / env.metadata["render_fps"]
+        self._counter = EpisodeCounter(self.num_envs, self._period)
         self._steps = 0
         self._actions: NDArray | None = None
         self.transition: dict[str, Any] = {}
@@ -50,7 +50,7 @@ class Sb3VectorEnv(VecEnv):
         observations, info = self.env.reset(seed=seeds, options=self._merged_options())
         self._reset_seeds()
         self._reset_options()
-        self._counter.start(np.ones(self.num_envs, dtype=np.bool_))
+        self._counter.start(observations)
         self.reset_infos = rows_of(info)
         return observations
 
@@ -63,13 +63,36 @@ class Sb3VectorEnv(VecEnv):
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         self._steps += 1
         self.transition = info
-        self.finished = self._counter.add(rewards, terminated, truncated, info)
+        self.finished = self._counter.add(observations, rewards, terminated, truncated, info)
         infos, ended = rows_of(info), terminated | truncated
         for i, episode in zip(np.flatnonzero(ended), self.finished, strict=True):
             infos[i]["terminal_observation"] = info["final_obs"][i]
             infos[i]["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
             infos[i]["episode"] = self._monitor(episode)
         return observations, rewards.astype(np.float32), ended, infos
+
+    def snapshot(self) -> dict[str, dict[str, NDArray]]:
+        """All that the rows remember, as copies, for ``restore``: the plant's, the shield's and the counts."""
+        shield = attribute(self.env, "shield", None)
+        return {
+            "plant": self.env.unwrapped.snapshot(),  # type: ignore[attr-defined]
+            "shield": {} if shield is None else shield.snapshot(),
+            "counter": self._counter.snapshot(),
+            "steps": {"steps": np.array(self._steps)},
+        }
+
+    def restore(self, snapshot: dict[str, dict[str, NDArray]]) -> None:
+        """Go on, bit for bit, where an equal vector env was when it gave this snapshot.
+
+        Raises:
+            ValueError: for the snapshot of another one.
+        """
+        self.env.unwrapped.restore(snapshot["plant"])  # type: ignore[attr-defined]
+        shield = attribute(self.env, "shield", None)
+        if shield is not None:
+            shield.restore(snapshot["shield"])
+        self._counter.restore(snapshot["counter"])
+        self._steps = int(snapshot["steps"]["steps"])
 
     def _monitor(self, episode) -> dict[str, float | int]:
         return {
@@ -135,11 +158,11 @@ class Sb3VectorEnv(VecEnv):
         return [value[i] for i in rows]
 
 
-def attribute(env: VectorEnv, name: str) -> Any:
+def attribute(env: VectorEnv, name: str, *default: Any) -> Any:
     """Attribute of the outermost layer that has it."""
     while isinstance(env, VectorWrapper) and not hasattr(env, name):
         env = env.env
-    return getattr(env, name)
+    return getattr(env, name, *default)
 
 
 def rows_of(info: dict[str, Any]) -> list[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """N quadrotors as a ``gymnasium.vector.VectorEnv``: the same world as the single env, row by row."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -111,6 +111,20 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             info |= self._final(done, observations)
             observations = self._begin_again(done, observations)
         return observations, rewards, terminated, truncated, info
+
+    def snapshot(self) -> dict[str, NDArray]:
+        """All that the rows remember, as copies, for ``restore``; the filter in the slot has its own memory."""
+        return {**self._world.snapshot(), "steps": self._steps.copy()}
+
+    def restore(self, snapshot: Mapping[str, NDArray]) -> None:
+        """Go on, bit for bit, where an equal vector env was when it gave this snapshot.
+
+        Raises:
+            ValueError: for the snapshot of another size.
+        """
+        self._world.restore({name: array for name, array in snapshot.items() if name != "steps"})
+        self._steps[:] = snapshot["steps"]
+        self._is_seeded = True
 
     def render(self):
         """One RGB frame (480, 480, 3) a row, or None without a render mode."""

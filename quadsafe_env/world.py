@@ -6,6 +6,8 @@ The waist is (snap, yaw acceleration): every action interface ends in a desired 
 the safe one over the control period at the physics rate. With or without a filter nothing else differs.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,6 +119,36 @@ class World:
         flat = np.empty_like(self._flat)
         flat_batch(self.states, self.params, flat)
         return flat
+
+    def snapshot(self) -> dict[str, NDArray]:
+        """All that this world remembers, as copies; the filter in the slot has its own memory."""
+        return {name: array.copy() for name, array in self._remembered().items()}
+
+    def restore(self, snapshot: Mapping[str, NDArray]) -> None:
+        """Go on where an equal world was when it gave this snapshot.
+
+        Raises:
+            ValueError: for the snapshot of a world of another size.
+        """
+        own = self._remembered()
+        found = {name: (array.shape, array.dtype) for name, array in snapshot.items()}
+        if found != {name: (array.shape, array.dtype) for name, array in own.items()}:
+            raise ValueError(f"snapshot must be one of {self.n} rows in equal scenes, got arrays {found}")
+        for name, array in own.items():
+            array[...] = snapshot[name]
+
+    def _remembered(self) -> dict[str, NDArray]:
+        return {
+            "states": self.states,
+            "words": self.words,
+            "outcomes": self.outcomes,
+            "flags": self.flags,
+            "seeds": self._seeds,
+            "episodes": self._episodes,
+            "table": self._table,
+            "commands": self._commands,
+            **self.scenes._asdict(),
+        }
 
     def seed(self, rows: NDArray[np.intp], words: NDArray[np.int64]) -> None:
         """Start the episode count of the rows over: their next scene is the seed, words (len(rows), 2)."""

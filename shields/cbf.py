@@ -207,15 +207,15 @@ class CbfMethod:
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Room for the constants, and velocities of 0."""
-        self._memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
+        self.memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        self._memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]
-        return Kernels(cbf_batch, cbf_one, (self._memory,))
+        self.memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]
+        return Kernels(cbf_batch, cbf_one, (self.memory,))
 
 
 def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:

@@ -226,7 +226,7 @@ class SampledMethod:
     def allocate(self, rows: int, obstacles: int) -> None:
         """Empty memory for every row, in one array."""
         self._size = (rows, obstacles)
-        self._memory = np.zeros(int(places(rows, obstacles)[3]), dtype=np.uint8)
+        self.memory = np.zeros(int(places(rows, obstacles)[3]), dtype=np.uint8)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""
@@ -239,18 +239,18 @@ class SampledMethod:
         # A stop is stored in whole periods: of another length it would be another stop.
         self._parts()[1]["is_stored"] = False
         numbers, kept = packed(self._settings, period)
-        carved(self._memory, 0, FLOATS, (SETTINGS,))[:] = numbers
+        carved(self.memory, 0, FLOATS, (SETTINGS,))[:] = numbers
         closing = closing_bounds(self._settings)
         bounds = None if max(closing) == -math.inf else closing
-        return Kernels(joint_batch, joint_one, (self._memory, bounds, kept))
+        return Kernels(joint_batch, joint_one, (self.memory, bounds, kept))
 
     def _parts(self) -> tuple[NDArray[np.float64], NDArray[np.void]]:
         """Half-spaces and stops, made when they are used: a copy of this object has a memory of its own."""
         rows, obstacles = self._size
         half_spaces, _, stops, _ = (int(place) for place in places(rows, obstacles))
         return (
-            carved(self._memory, half_spaces, FLOATS, (rows, obstacles, 4)),
-            carved(self._memory, stops, PLANS, (rows,)),
+            carved(self.memory, half_spaces, FLOATS, (rows, obstacles, 4)),
+            carved(self.memory, stops, PLANS, (rows,)),
         )
 
 

@@ -31,6 +31,9 @@ OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",
 class Method(Protocol):
     """A way to filter rows; made once from the settings of a shield."""
 
+    memory: NDArray[Any]
+    """All that it remembers, one array; there from ``allocate`` on."""
+
     def allocate(self, rows: int, obstacles: int) -> None:
         """Make the memory for N plants and K spheres, empty."""
 
@@ -224,6 +227,35 @@ class Shield:
         if rows.shape[0] != self._size[0]:
             raise ValueError(f"mask must have shape ({self._size[0]},), got {rows.shape}")
         self._method.forget(rows)
+
+    def snapshot(self) -> dict[str, NDArray]:
+        """All that this shield remembers, as copies, for ``restore``; empty before the first call."""
+        if self._size is None:
+            return {}
+        return {
+            "memory": self._method.memory.copy(),
+            "size": np.array(self._size),
+            "period": np.array(self._period),
+            "is_single": np.array(self._leading == ()),
+        }
+
+    def restore(self, snapshot: Mapping[str, NDArray]) -> None:
+        """Go on where a shield of equal settings was when it gave this snapshot.
+
+        Raises:
+            ValueError: for the snapshot of another method.
+        """
+        self.reset()
+        if not snapshot:
+            return
+        n, k = snapshot["size"].tolist()
+        self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
+        memory, found = self._method.memory, snapshot["memory"]
+        if (memory.shape, memory.dtype) != (found.shape, found.dtype):
+            raise ValueError(
+                f"snapshot must have memory of {memory.shape} {memory.dtype}, got {found.shape} {found.dtype}"
+            )
+        memory[:] = found
 
 
 def _as_array(value: ArrayLike) -> NDArray[np.float64]:

@@ -1,0 +1,101 @@
+"""Models of Stable-Baselines3 from an experiment; weights as files that hold nothing else."""
+
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import stable_baselines3
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents.build import make_vector_env
+from agents.config import Experiment
+from agents.runs import Run, write_safely
+from agents.sb3_vec import Sb3VectorEnv
+from quadsafe_core.checks import one_of
+
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
+    name.lower(): value
+    for name, value in vars(stable_baselines3).items()
+    if isinstance(value, type) and issubclass(value, BaseAlgorithm)
+}
+POLICY_KEYS = ("net_arch", "log_std_init")
+# Row i of a training with seed s starts with scene s * SCENES_PER_SEED + i: seeds share no scene.
+SCENES_PER_SEED = 2**20
+
+
+def make_model(
+    experiment: Experiment, env: VecEnv, seed: int, device: str = "cpu", **over: Any
+) -> BaseAlgorithm:
+    """The experiment's algorithm; its weights, exploration and scenes are decided by the seed.
+
+    Args:
+        experiment: names the algorithm and its hyper-parameters.
+        env: what it learns on.
+        seed: of the training.
+        device: of torch.
+        over: keywords of the constructor, over those of the experiment.
+
+    Raises:
+        ValueError, TypeError: naming what does not fit.
+    """
+    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    settings = {name: value for name, value in experiment.hyperparams.items() if name != "n_envs"}
+    if settings.get("use_sde"):
+        raise ValueError("hyperparams must not have use_sde: such a training could not be resumed exactly")
+    policy = {name: settings.pop(name) for name in POLICY_KEYS if name in settings}
+    # On an env of another size batches are cut, and a replay buffer is not filled: known, and harmless.
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        try:
+            keywords: Any = {**settings, **over}
+            model = algorithm("MlpPolicy", env, policy_kwargs=policy, seed=seed, device=device, **keywords)
+        except AssertionError as error:
+            raise ValueError(f"algo must suit the environment, got {experiment.algo!r}: {error}") from error
+    env.seed(seed * SCENES_PER_SEED)
+    return model
+
+
+def save_policy(path: Path, policy: BasePolicy) -> None:
+    """Write the weights, and nothing else, in one move."""
+    write_safely(path, lambda file: torch.save(policy.state_dict(), file))
+
+
+def load_policy(run: Run, arm: str, seed: int) -> BasePolicy:
+    """The policy of one training: built from the run's config, filled with the weights of its file.
+
+    Raises:
+        ValueError: for a file that holds anything but the weights of this policy.
+        FileNotFoundError: if there is none.
+    """
+    path = run.folder_of(arm, seed) / "policy.pt"
+    policy = new_policy(run.experiment)
+    try:
+        policy.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
+    except (pickle.UnpicklingError, RuntimeError, TypeError, AttributeError, KeyError, EOFError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ValueError(f"{path} must hold the weights of this run's policy, got: {reason}") from error
+    policy.set_training_mode(False)
+    return policy
+
+
+def new_policy(experiment: Experiment) -> BasePolicy:
+    """A policy as the experiment trains it, on the CPU."""
+    env = Sb3VectorEnv(make_vector_env(experiment, 1, is_shielded=False))
+    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    # Nothing is replayed.
+    over: dict[str, Any] = {"buffer_size": 1} if issubclass(algorithm, OffPolicyAlgorithm) else {}
+    return make_model(experiment, env, seed=0, device="cpu", **over).policy
+
+
+def check_device(device: str) -> None:
+    """Raise a ValueError for a device that torch does not have here."""
+    try:
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).partition("\n")[0]
+        raise ValueError(f"device must be one that torch can use here, got {device!r}: {reason}") from error

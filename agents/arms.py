@@ -1,0 +1,50 @@
+"""The arms of the comparison, as data."""
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+Agent = Literal["learner", "tracker", "random"]
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Who flies, and what stands around it while it learns.
+
+    Whatever the arm, its flights are evaluated twice on the same held-out scenes: without a shield and with it.
+    """
+
+    title: str
+    """What tables call it."""
+    agent: Agent = "learner"
+    """A policy that learns, the minimum-snap tracker of Section VI, or uniformly random actions."""
+    is_shielded: bool = False
+    """Whether the shield is there during training."""
+    shield: dict[str, Any] = field(default_factory=dict)
+    """Settings of the shield, over those of the experiment; in training and in evaluation."""
+    collision_penalty: float = 0.0
+    """Taken off the reward of a training step with a violation."""
+    intervention_penalty: float = 0.0
+    """Taken off the reward of a training step, times the share of it that the shield changed."""
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether there is anything to learn."""
+        return self.agent == "learner"
+
+    @property
+    def has_seeds(self) -> bool:
+        """Whether a seed changes anything."""
+        return self.agent != "tracker"
+
+
+# A collision costs more than a flight can earn: the distance to the goal, at most 8 m, and 2 on arrival. A step
+# spent behind the shield costs about as much as flying on for a step earns.
+ARMS = {
+    "none": Arm("no shield"),
+    "collision-penalty": Arm("collision penalty", collision_penalty=10.0),
+    "shield": Arm("shield", is_shielded=True),
+    "shield-penalty": Arm("shield, intervention penalty", is_shielded=True, intervention_penalty=0.05),
+    "cbf": Arm("shield, method cbf", is_shielded=True, shield={"method": "cbf"}),
+    "tracker": Arm("tracker", agent="tracker"),
+    "random": Arm("random actions", agent="random"),
+}

@@ -1,0 +1,83 @@
+"""The comparison as a text of 100 columns."""
+
+from typing import Any
+
+from agents.runs import Run
+
+Row = dict[str, Any]
+NOTE = """\
+Violations: episodes that entered a keep-out sphere at any physics substep. Success: at the goal without a
+violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds, their
+interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed, and
+next to 0 and 100, the exact bounds over all episodes (Clopper-Pearson; one-sided next to 0 and 100)."""
+
+
+def report_text(run: Run, rows: list[Row]) -> str:
+    """The tables of training and evaluation."""
+    experiment = run.experiment
+    seeds = experiment.seeds
+    which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+    parts = [f"{experiment.env}, {experiment.action} commands, {experiment.algo}, {which}, in {run.folder}"]
+    training = [row for row in rows if row["phase"] == "training"]
+    evaluation = [row for row in rows if row["phase"] == "evaluation"]
+    if training:
+        title = f"Training, {experiment.n_timesteps:,} steps a seed"
+        parts.append(f"{title}\n{aligned(_training_table(training))}")
+    if evaluation:
+        scenes = max(row["episodes"] // row["seeds"] for row in evaluation)
+        title = f"Evaluation: every agent on the same {scenes:,} held-out scenes, without and with shield"
+        parts.append(f"{title}\n{aligned(_evaluation_table(evaluation))}")
+    return "\n\n".join([*parts, NOTE]) + "\n"
+
+
+def aligned(rows: list[list[str]]) -> str:
+    """Rows of cells as columns, the first to the left and the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join(["", first.ljust(widths[0]), *cells]))
+    return "\n".join(lines)
+
+
+def percentage(row: Row, rate: str) -> str:
+    """A rate and its interval in per cent: "7.0 [3.9, 11.5]", "0 [<= 1.5]", "100 [>= 98.5]"; "-" of nothing."""
+    value = row[rate]
+    if value is None:
+        return "-"
+    if value == 0.0 and row[f"{rate}_least"] == 0.0:
+        return f"0 [<= {_digits(row[f'{rate}_most'])}]"
+    if value == 1.0 and row[f"{rate}_most"] == 1.0:
+        return f"100 [>= {_digits(row[f'{rate}_least'])}]"
+    ends = ("least", "most") if row[f"{rate}_low"] is None else ("low", "high")
+    low, high = (_digits(row[f"{rate}_{end}"]) for end in ends)
+    return f"{_digits(value)} [{low}, {high}]"
+
+
+def _digits(rate: float) -> str:
+    percent = 100.0 * rate
+    return f"{percent:.2f}" if percent < 1.0 or percent > 99.0 else f"{percent:.1f}"
+
+
+CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
+
+
+def _training_table(rows: list[Row]) -> list[list[str]]:
+    body = [[row["title"], *_cells(row), f"{row['steps_per_second']:,}"] for row in rows]
+    return [["trained with", *CELLS, "steps/s"], *body]
+
+
+def _evaluation_table(rows: list[Row]) -> list[list[str]]:
+    body = [[row["title"], "shield" if row["flown"] == "on" else "no shield", *_cells(row)] for row in rows]
+    return [["trained with", "flown with", *CELLS], *body]
+
+
+def _cells(row: Row) -> list[str]:
+    is_shielded = row["flown"] == "on" and row["intervention_rate"] is not None
+    return [
+        f"{row['violations']:,} of {row['episodes']:,}",
+        percentage(row, "violation_rate"),
+        percentage(row, "success_rate"),
+        "-" if row["return"] is None else f"{row['return']:.2f}",
+        f"{row['intervention_rate']:.1%}" if is_shielded else "-",
+    ]
