@@ -15,7 +15,7 @@ from agents.command_line import Evaluate, Report, Train, errors_as_sentences, in
 def train(command: Train) -> int:
     """Train and fly every arm with every seed, report; 130 if Ctrl-C ended it early, 1 if a job failed."""
     print("Preparing; the first time, this compiles for about a minute.", flush=True)
-    from agents import algorithms, build, display, engines, provenance, reporting, runs
+    from agents import algorithms, build, display, engines, provenance, reporting, runs, trace
 
     with errors_as_sentences():
         algorithms.check_device(command.options.device)
@@ -28,6 +28,7 @@ def train(command: Train) -> int:
 
     for (arm, seed), failure in failures.items():
         print(f"train.py: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
+    trace.write_trace(run)
     print(reporting.write_report(run))
     if run.open_jobs():
         print(f"{'Stopped' if stop.is_set else 'Ended'} early. To go on: python train.py -i {run.folder}")
@@ -36,11 +37,12 @@ def train(command: Train) -> int:
 
 def evaluate(command: Evaluate) -> int:
     """Fly the agents of a run again, and report."""
-    from agents import evaluate, reporting, runs
+    from agents import evaluate, reporting, runs, trace
 
     with errors_as_sentences():
         run = runs.open_run(command.run)
         evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
+        trace.write_trace(run)
         print(reporting.write_report(run))
     return 0
 

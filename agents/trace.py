@@ -26,8 +26,14 @@ NO_SNAPS = ("",) * 6
 
 
 def write_trace(run: Run) -> None:
-    """Choose a scene from the flights of a run, fly it without and with the shield, and write both files."""
-    arm, seed, scene = chosen(run)
+    """Choose a scene from the flights of a run, fly it without and with the shield, and write both files.
+
+    Nothing is written of a run without flights.
+    """
+    found = chosen(run)
+    if found is None:
+        return
+    arm, seed, scene = found
     rows, told = [], {}
     for is_shielded in (False, True):
         env = make_env(of_arm(run.experiment, ARMS[arm]), is_shielded)
@@ -49,7 +55,7 @@ def write_trace(run: Run) -> None:
     write_json(run.folder / "trace.json", {"arm": arm, "seed": seed, "scene": scene, **told})
 
 
-def chosen(run: Run) -> tuple[str, int, int]:
+def chosen(run: Run) -> tuple[str, int, int] | None:
     """Arm, seed and scene of the first collision without a shield; of the first flight if there is none."""
     done = [job for job in run.experiment.jobs() if run.is_done(*job)]
     # An agent that learns tells more than one that does not.
@@ -58,6 +64,8 @@ def chosen(run: Run) -> tuple[str, int, int]:
         hits = flights[flights["violation"] & ~flights["shield"]]
         if hits.size:
             return arm, seed, int(hits["scene"][0])
+    if not done:
+        return None
     arm, seed = done[0]
     return arm, seed, int(read_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT)["scene"][0])
 
