@@ -48,14 +48,11 @@ def make_model(
     if settings.get("use_sde"):
         raise ValueError("hyperparams must not have use_sde: such a training could not be resumed exactly")
     policy = {name: settings.pop(name) for name in POLICY_KEYS if name in settings}
-    # On an env of another size batches are cut, and a replay buffer is not filled: known, and harmless.
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        try:
-            keywords: Any = {**settings, **over}
-            model = algorithm("MlpPolicy", env, policy_kwargs=policy, seed=seed, device=device, **keywords)
-        except AssertionError as error:
-            raise ValueError(f"algo must suit the environment, got {experiment.algo!r}: {error}") from error
+    keywords: Any = {**settings, **over}
+    try:
+        model = algorithm("MlpPolicy", env, policy_kwargs=policy, seed=seed, device=device, **keywords)
+    except AssertionError as error:
+        raise ValueError(f"algo must suit the environment, got {experiment.algo!r}: {error}") from error
     env.seed(seed * SCENES_PER_SEED)
     return model
 
@@ -66,14 +63,18 @@ def save_policy(path: Path, policy: BasePolicy) -> None:
 
 
 def load_policy(run: Run, arm: str, seed: int) -> BasePolicy:
-    """The policy of one training: built from the run's config, filled with the weights of its file.
+    """The policy of one training; errors as in ``read_policy``."""
+    return read_policy(run.folder_of(arm, seed) / "policy.pt", run.experiment)
+
+
+def read_policy(path: Path, experiment: Experiment) -> BasePolicy:
+    """The policy of a file: built from the experiment, filled with the weights; nothing in it is executed.
 
     Raises:
         ValueError: for a file that holds anything but the weights of this policy.
         FileNotFoundError: if there is none.
     """
-    path = run.folder_of(arm, seed) / "policy.pt"
-    policy = new_policy(run.experiment)
+    policy = new_policy(experiment)
     try:
         policy.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
     except (pickle.UnpicklingError, RuntimeError, TypeError, AttributeError, KeyError, EOFError) as error:
@@ -89,7 +90,10 @@ def new_policy(experiment: Experiment) -> BasePolicy:
     algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
     # Nothing is replayed.
     over: dict[str, Any] = {"buffer_size": 1} if issubclass(algorithm, OffPolicyAlgorithm) else {}
-    return make_model(experiment, env, seed=0, device="cpu", **over).policy
+    with warnings.catch_warnings():
+        # One row does not fill the batches that many do.
+        warnings.simplefilter("ignore", UserWarning)
+        return make_model(experiment, env, seed=0, device="cpu", **over).policy
 
 
 def check_device(device: str) -> None:

@@ -8,6 +8,7 @@ import io
 import json
 import pickle
 import random
+from collections import deque
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -80,7 +81,7 @@ def _restore(model: BaseAlgorithm, table: dict[str, Any]) -> None:
     for name, value in {**table["counters"], **table["last"]}.items():
         setattr(model, name, value)
     for name, values in table["recent"].items():
-        getattr(model, name).extend(values)
+        setattr(model, name, deque(values, maxlen=model._stats_window_size))
     for name, values in table["logged"].items():
         getattr(model.logger, name).update(values)
     _env_of(model).restore(table["env"])

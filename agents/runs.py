@@ -160,16 +160,25 @@ def write_safely(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with temporary.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-        _sync_folder(path.parent)
-    except OSError as error:
-        raise OSError(error.errno, f"{error.strerror}; what was there before is intact", str(path)) from error
+        with failures_name(path):
+            with temporary.open("wb") as file:
+                write(file)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+            _sync_folder(path.parent)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def failures_name(path: Path) -> Iterator[None]:
+    """While entered, an OSError says which file could not be written, and that no harm was done."""
+    try:
+        yield
+    except OSError as error:
+        reason = f"{path} could not be written: {error.strerror or error}; what was saved before is intact"
+        raise OSError(reason) from error
 
 
 def _sync_folder(folder: Path) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,11 @@ from agents.checkpoint import load_checkpoint, save_checkpoint
 from agents.config import Options
 from agents.episodes import EPISODE
 from agents.evaluate import evaluate
-from agents.runs import Run, sole_use, write_csv, write_json
+from agents.runs import Run, failures_name, sole_use, write_csv, write_json
 from agents.sb3_vec import Sb3VectorEnv
 
 RECENT = 200  # episodes of the running success rate
+ROWS = 100  # about as many has the table of a training
 SHOWN_EVERY = 1.0  # s, how often progress.csv is brought up to date between checkpoints
 CHECKPOINT = "checkpoint.pt"
 
@@ -50,10 +50,12 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
     table, tally = ProgressTable(), Tally()
     model.set_logger(Logger(None, [table, *_tensorboard(options, f"{run.folder.name}/{folder.name}")]))
     with EpisodeFile(folder / "episodes.csv") as episodes:
-        keeper = Keeper(folder, model, options.save_freq, run.stop_file.exists, table, tally, episodes)
+        keeper = Keeper(folder, model, run, options.save_freq, table, tally, episodes)
         keeper.restore()
-        total = run.experiment.n_timesteps
-        model.learn(total - model.num_timesteps, callback=[tally, keeper], reset_num_timesteps=False)
+        left = run.experiment.n_timesteps - model.num_timesteps
+        no_logs: Any = None  # the keeper asks for them
+        model.learn(left, callback=[tally, keeper], log_interval=no_logs, reset_num_timesteps=False)
+        keeper.log()
         model.logger.close()
         if keeper.is_stopped:
             return
@@ -125,15 +127,16 @@ class Keeper(BaseCallback):
         self,
         folder: Path,
         model: BaseAlgorithm,
+        run: Run,
         save_freq: int,
-        is_to_stop: Callable[[], bool],
         table: "ProgressTable",
         tally: Tally,
         episodes: "EpisodeFile",
     ):
         super().__init__()
         self.is_stopped = False
-        self._folder, self._learner, self._save_freq, self._is_to_stop = folder, model, save_freq, is_to_stop
+        self._folder, self._learner, self._save_freq = folder, model, save_freq
+        self._log_freq, self._stop_file = run.experiment.n_timesteps / ROWS, run.stop_file
         self._table, self._tally, self._episodes = table, tally, episodes
         self._saved_at, self._seconds_before = 0, 0.0
         self._started = self._shown = time.perf_counter()
@@ -156,8 +159,16 @@ class Keeper(BaseCallback):
         rate = {"seconds": round(seconds, 3), "steps_per_second": round(steps / seconds)}
         return {"timesteps": steps, **self._tally.counts, **rate}
 
+    def log(self) -> None:
+        """Add a row to the table, if there is anything new."""
+        if self._learner.num_timesteps > self._table.last_step:
+            learner: Any = self._learner
+            learner.dump_logs()
+
     def _on_rollout_start(self) -> None:
-        if self._is_to_stop():
+        if self.num_timesteps - self._table.last_step >= self._log_freq:
+            self.log()
+        if self._stop_file.exists():
             self.is_stopped = True
             self._save()
         elif self.num_timesteps - self._saved_at >= self._save_freq:
@@ -191,7 +202,7 @@ class EpisodeFile:
     """A CSV file of episodes that grows, and can be cut back to where a checkpoint was."""
 
     def __init__(self, path: Path):
-        self._file = path.open("a+b")
+        self._path, self._file = path, path.open("a+b", buffering=0)
 
     def __enter__(self) -> "EpisodeFile":
         return self
@@ -207,10 +218,12 @@ class EpisodeFile:
 
     def add(self, rows: list[list[Any]]) -> int:
         """Append rows and wait until they are on the disk; the size of the file then."""
-        self._file.write("".join(",".join(map(str, row)) + "\n" for row in rows).encode())
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        return self._file.tell()
+        text = "".join(",".join(map(str, row)) + "\n" for row in rows).encode()
+        with failures_name(self._path):
+            while text:
+                text = text[self._file.write(text) :]
+            os.fsync(self._file.fileno())
+        return os.fstat(self._file.fileno()).st_size
 
 
 class ProgressTable(KVWriter):
@@ -218,6 +231,11 @@ class ProgressTable(KVWriter):
 
     def __init__(self):
         self.rows: list[dict[str, Any]] = []
+
+    @property
+    def last_step(self) -> int:
+        """Steps of the training at the last row."""
+        return self.rows[-1]["time/total_timesteps"] if self.rows else 0
 
     def write(
         self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0

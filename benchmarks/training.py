@@ -15,20 +15,20 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from stable_baselines3 import PPO
-from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
-from tqdm import tqdm
 
-from agents.build import make_training_env, make_vector_env
-from agents.config import SHIELDED_ARM, Experiment
+from agents.algorithms import make_model
+from agents.build import checked, make_training_env, make_vector_env
+from agents.config import Experiment
 from agents.episodes import EPISODE
 from agents.evaluate import fly, held_out_scenes
-from agents.ppo import RECENT, StopRequest, TrainingMonitor, make_ppo
 from agents.sb3_vec import Sb3VectorEnv
+from agents.training import RECENT, Tally
 
 GOOD = 0.95
+SHIELDED = "shield"
 
 
 class NullEnv(VecEnv):
@@ -74,11 +74,11 @@ class NullEnv(VecEnv):
         return [True] * self.num_envs
 
 
-class UntilGood(TrainingMonitor):
+class UntilGood(Tally):
     """Ends a training once its recent episodes and the held-out flights of its policy are good enough."""
 
     def __init__(self, experiment: Experiment):
-        super().__init__(tqdm(disable=True), StopRequest())
+        super().__init__()
         self._scenes = held_out_scenes(experiment.eval_episodes)
         self._held_out = make_vector_env(experiment, len(self._scenes), is_shielded=True)
         self.flown = np.zeros(0, EPISODE)
@@ -88,8 +88,7 @@ class UntilGood(TrainingMonitor):
 
     def _on_rollout_end(self) -> None:
         super()._on_rollout_end()
-        recent = self.episodes[-RECENT:]
-        if recent.size == RECENT and recent["is_success"].mean() >= GOOD:
+        if self.recent.size == RECENT and self.recent["is_success"].mean() >= GOOD:
             self.flown = fly(self.model.policy, self._held_out, self._scenes)
 
     @property
@@ -98,21 +97,21 @@ class UntilGood(TrainingMonitor):
         return self.flown.size > 0 and self.flown["is_success"].mean() >= GOOD
 
 
-def new_model(arm: str, experiment: Experiment, seed: int = 0) -> PPO:
+def new_model(arm: str, experiment: Experiment, seed: int = 0) -> BaseAlgorithm:
     """PPO of the default training on the env of an arm, or on the null env."""
     env = Sb3VectorEnv(make_training_env(experiment, "none" if arm == "null" else arm))
-    model = make_ppo(experiment, env, seed)
+    model = make_model(experiment, env, seed)
     model.set_logger(Logger(None, []))
     if arm == "null":
         model.set_env(NullEnv(env))
     return model
 
 
-def counting(arm: str) -> BaseCallback | None:
-    return None if arm == "null" else TrainingMonitor(tqdm(disable=True), StopRequest())
+def counting(arm: str) -> Tally | None:
+    return None if arm == "null" else Tally()
 
 
-def pace(model: PPO, arm: str, updates: int) -> float:
+def pace(model: Any, arm: str, updates: int) -> float:
     """Steps a second of a few updates."""
     steps = updates * model.n_steps * model.n_envs
     start = time.perf_counter()
@@ -121,13 +120,13 @@ def pace(model: PPO, arm: str, updates: int) -> float:
 
 
 def throughput(experiment: Experiment, updates: int, repeats: int) -> None:
-    arms = (SHIELDED_ARM, "none", "null")
+    arms = (SHIELDED, "none", "null")
     models = {arm: new_model(arm, experiment) for arm in arms}
     for arm in arms:
         # Compiles, and lets the first episodes get out of step.
         pace(models[arm], arm, 2)
     turns = [{arm: pace(models[arm], arm, updates) for arm in arms} for _ in range(repeats)]
-    labels = {SHIELDED_ARM: "shielded", "none": "unshielded", "null": "env that costs nothing"}
+    labels = {SHIELDED: "shielded", "none": "unshielded", "null": "env that costs nothing"}
     for arm in arms:
         rate = statistics.median(turn[arm] for turn in turns)
         ratio = statistics.median(turn[arm] / turn["null"] for turn in turns)
@@ -136,7 +135,7 @@ def throughput(experiment: Experiment, updates: int, repeats: int) -> None:
 
 def until_good(experiment: Experiment, seed: int) -> tuple[float, int]:
     """Seconds and steps until the training is good, flights between included; prints them."""
-    model, monitor = new_model(SHIELDED_ARM, experiment, seed), UntilGood(experiment)
+    model, monitor = new_model(SHIELDED, experiment, seed), UntilGood(experiment)
     start = time.perf_counter()
     model.learn(experiment.n_timesteps, callback=monitor)
     seconds, flown = time.perf_counter() - start, monitor.flown
@@ -154,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--updates", type=int, default=5, help="updates of a turn")
     parser.add_argument("--repeats", type=int, default=9, help="turns")
     parser.add_argument("--seeds", type=int, default=3, help="trainings to 95 %% success")
-    words, experiment = parser.parse_args(arguments), Experiment()
+    words, experiment = parser.parse_args(arguments), checked(Experiment())
     torch.set_num_threads(1)
     throughput(experiment, words.updates, words.repeats)
     found = [until_good(experiment, seed) for seed in range(words.seeds)]

@@ -5,11 +5,10 @@ from pathlib import Path
 import numpy as np
 import torch
 from gymnasium.vector import VectorWrapper
-from stable_baselines3.common.policies import ActorCriticPolicy
 
+from agents.algorithms import make_model, read_policy, save_policy
 from agents.build import make_vector_env
-from agents.config import Experiment, PpoSettings
-from agents.ppo import make_ppo, policy_settings, save_policy
+from agents.config import HYPERPARAMS, Experiment
 from agents.sb3_vec import Sb3VectorEnv
 from safety_campaign.attacks import SnapAttack
 from safety_campaign.stage import VEHICLE_RADIUS, Stage, rates
@@ -28,8 +27,8 @@ def experiment(action: str, steps: int, seed: int) -> Experiment:
         "max_episode_steps": 6 * TRAINING_RATE,
         **rates(TRAINING_RATE),
     }
-    ppo = PpoSettings(log_std_init=-0.5)
-    return Experiment(env=ENV_ID, action=action, env_kwargs=env_kwargs, n_timesteps=steps, seed=seed, ppo=ppo)
+    hyperparams = {**HYPERPARAMS["ppo"], "log_std_init": -0.5}
+    return Experiment(ENV_ID, action, env_kwargs, hyperparams=hyperparams, n_timesteps=steps, seed=seed)
 
 
 class PaidToCollide(VectorWrapper):
@@ -46,8 +45,8 @@ def train(action: str, steps: int, seed: int, path: Path) -> None:
     """Train against the default shield and write the weights."""
     torch.set_num_threads(1)
     wanted = experiment(action, steps, seed)
-    env = Sb3VectorEnv(PaidToCollide(make_vector_env(wanted, wanted.ppo.n_envs, is_shielded=True)))
-    model = make_ppo(wanted, env, seed)
+    env = Sb3VectorEnv(PaidToCollide(make_vector_env(wanted, wanted.hyperparams["n_envs"], is_shielded=True)))
+    model = make_model(wanted, env, seed)
     model.learn(steps)
     save_policy(path, model.policy)
 
@@ -68,15 +67,7 @@ class PaidAttack(SnapAttack):
         path = folder / f"paid_{action}_{steps}_{seed}.pt"
         if not path.exists():
             train(action, steps, seed, path)
-        env = make_vector_env(experiment(action, steps, seed), 1, is_shielded=False)
-        self._policy = ActorCriticPolicy(
-            env.single_observation_space,
-            env.single_action_space,
-            lr_schedule=lambda _: 0.0,
-            **policy_settings(experiment(action, steps, seed)),
-        )
-        self._policy.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
-        self._policy.set_training_mode(False)
+        self._policy = read_policy(path, experiment(action, steps, seed))
 
     def stage(self, setting, n):
         """The scene of the training."""
