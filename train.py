@@ -18,8 +18,8 @@ def train(command: Train) -> int:
     from agents import algorithms, build, display, engines, provenance, reporting, runs, trace
 
     with errors_as_sentences():
-        algorithms.check_device(command.options.device)
         experiment = build.checked(command.experiment)
+        algorithms.check(experiment, command.options)
         run = runs.begin(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
         engine = engines.engine_of(command.options, len(jobs))

@@ -1,7 +1,9 @@
 """Models of Stable-Baselines3 from an experiment; weights as files that hold nothing else."""
 
+import io
 import pickle
 import warnings
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.build import make_vector_env
-from agents.config import Experiment
+from agents.config import Experiment, Options
 from agents.runs import Run, write_safely
 from agents.sb3_vec import Sb3VectorEnv
 from quadsafe_core.checks import one_of
@@ -59,7 +61,15 @@ def make_model(
 
 def save_policy(path: Path, policy: BasePolicy) -> None:
     """Write the weights, and nothing else, in one move."""
-    write_safely(path, lambda file: torch.save(policy.state_dict(), file))
+    write_tensors(path, policy.state_dict())
+
+
+def write_tensors(path: Path, table: Any) -> None:
+    """Tensors, numbers and names as a file of torch, in one move."""
+    # Torch hides an error of the disk behind one of its own.
+    buffer = io.BytesIO()
+    torch.save(table, buffer)
+    write_safely(path, lambda file: file.write(buffer.getbuffer()))
 
 
 def load_policy(run: Run, arm: str, seed: int) -> BasePolicy:
@@ -96,10 +106,15 @@ def new_policy(experiment: Experiment) -> BasePolicy:
         return make_model(experiment, env, seed=0, device="cpu", **over).policy
 
 
-def check_device(device: str) -> None:
-    """Raise a ValueError for a device that torch does not have here."""
+def check(experiment: Experiment, options: Options) -> None:
+    """Raise a ValueError or TypeError that names what the algorithm, the device or the log does not take."""
     try:
-        torch.empty(0, device=device)
+        torch.empty(0, device=options.device)
     except (RuntimeError, AssertionError) as error:
         reason = str(error).partition("\n")[0]
-        raise ValueError(f"device must be one that torch can use here, got {device!r}: {reason}") from error
+        raise ValueError(
+            f"device must be one that torch can use here, got {options.device!r}: {reason}"
+        ) from error
+    if options.tensorboard_log is not None and find_spec("tensorboard") is None:
+        raise ValueError('tensorboard_log needs TensorBoard: pip install "quadsafe[tensorboard]"')
+    new_policy(experiment)

@@ -37,11 +37,11 @@ class Arm:
         return self.agent != "tracker"
 
 
-# A collision costs more than a flight can earn: the distance to the goal, at most 8 m, and 2 on arrival. A step
-# spent behind the shield costs about as much as flying on for a step earns.
+# Of penalties from 0.5 to 10 and from 0.01 to 0.05, each tried with two seeds that no study flies, these left
+# the fewest violations without the shield at no loss of success; larger ones for collisions make pilots timid.
 ARMS = {
     "none": Arm("no shield"),
-    "collision-penalty": Arm("collision penalty", collision_penalty=10.0),
+    "collision-penalty": Arm("collision penalty", collision_penalty=1.0),
     "shield": Arm("shield", is_shielded=True),
     "shield-penalty": Arm("shield, intervention penalty", is_shielded=True, intervention_penalty=0.05),
     "cbf": Arm("shield, method cbf", is_shielded=True, shield={"method": "cbf"}),

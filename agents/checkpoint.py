@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.runs import write_safely
+from agents.algorithms import write_tensors
 from agents.sb3_vec import Sb3VectorEnv
 
 # What counts in a model beside its parameters, where its algorithm has it.
@@ -53,7 +53,7 @@ def save_checkpoint(path: Path, model: BaseAlgorithm, counted: dict[str, Any]) -
         "random": _random_states(model),
         "counted": counted,
     }
-    write_safely(path, lambda file: torch.save(_packed(table), file))
+    write_tensors(path, _packed(table))
 
 
 def load_checkpoint(path: Path, model: BaseAlgorithm) -> dict[str, Any]:

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 import yaml
 
-from agents.command_line import Evaluate, Train, parse
-from agents.config import Experiment, Options, PpoSettings, experiment_from_dict, to_dict
-from agents.runs import create_run, open_run
+from agents.arms import ARMS
+from agents.command_line import Evaluate, Report, Train, parse
+from agents.config import Experiment, Options, experiment_from_dict, to_dict
+from agents.runs import Run, create_run, extended, open_run
 
 ROOT = Path(__file__).resolve().parents[1]
 UNUSUAL = Experiment(
@@ -25,7 +26,8 @@ UNUSUAL = Experiment(
     seed=7,
     n_seeds=3,
     eval_episodes=9,
-    ppo=PpoSettings(n_envs=8, n_steps=16, batch_size=64, net_arch=(32, 16), learning_rate=3e-4),
+    algo="sac",
+    hyperparams={"n_envs": 8, "net_arch": [32, 16], "learning_rate": 3e-4, "ent_coef": "auto_0.1"},
 )
 
 
@@ -38,12 +40,11 @@ def test_round_trip_through_yaml_and_json(experiment):
 
 def test_round_trip_through_a_run_folder(tmp_path):
     options = Options(log_folder=tmp_path)
-    first, second = create_run(UNUSUAL, options), create_run(UNUSUAL, options)
+    first, second = create_run(UNUSUAL, options, {"python": "3"}), create_run(UNUSUAL, options, {})
     assert [first.folder.name, second.folder.name] == ["QuadSafe-Flight-v0_1", "QuadSafe-Flight-v0_2"]
     assert open_run(first.folder) == first
     assert yaml.safe_load((first.folder / "args.yml").read_text())["log_folder"] == str(tmp_path)
-    versions = yaml.safe_load((first.folder / "versions.yml").read_text())
-    assert {"python", "torch", "stable-baselines3", "gymnasium", "numpy", "scipy"} <= set(versions)
+    assert yaml.safe_load((first.folder / "provenance.yml").read_text()) == {"python": "3"}
 
 
 def test_the_command_line_spells_an_experiment():
@@ -51,21 +52,79 @@ def test_the_command_line_spells_an_experiment():
         "--env QuadSafe/Flight-v0 --action snap -n 4096 --seed 7 --n-seeds 3 --arms shield "
         "--env-kwargs params:racer policy_hz:50 terminate_on_violation:False "
         "--shield alpha:4.0 max_closing_speed:None --eval-episodes 9 "
-        "--ppo.n-envs 8 --ppo.n-steps 16 --ppo.batch-size 64 --ppo.net-arch 32 16 --ppo.learning-rate 3e-4 "
-        "-P -f elsewhere --device cpu --num-threads 2"
+        "--algo sac -params n_envs:8 net_arch:[32,16] learning_rate:3e-4 ent_coef:auto_0.1 "
+        "-P -f elsewhere --device cpu --num-threads 2 --n-jobs 3 --save-freq 50 -tb board --engine ray "
+        "--address head:6379"
     )
-    options = Options(log_folder=Path("elsewhere"), progress=True, num_threads=2)
+    options = Options(
+        log_folder=Path("elsewhere"),
+        n_jobs=3,
+        save_freq=50,
+        engine="ray",
+        address="head:6379",
+        tensorboard_log=Path("board"),
+        progress=True,
+        num_threads=2,
+    )
     assert parse(words) == Train(UNUSUAL, options)
     assert parse([]) == Train(Experiment(), Options())
 
 
 def test_the_command_line_spells_an_evaluation():
     assert parse(["evaluate", "logs/a", "--eval-episodes", "5"]) == Evaluate(Path("logs/a"), 5)
+    assert parse(["report", "logs/a"]) == Report(Path("logs/a"))
 
 
-def test_seeds_are_trained_one_after_the_other():
-    assert UNUSUAL.trainings() == [("shield", 7), ("shield", 8), ("shield", 9)]
-    assert Experiment(n_seeds=2).trainings() == [("none", 0), ("shield", 0), ("none", 1), ("shield", 1)]
+def test_seeds_come_one_after_the_other_so_that_a_part_of_a_study_is_a_study():
+    assert UNUSUAL.jobs() == [("shield", 7), ("shield", 8), ("shield", 9)]
+    assert Experiment(n_seeds=2).jobs() == [("none", 0), ("shield", 0), ("none", 1), ("shield", 1)]
+    # The tracker has no use for a second seed.
+    assert Experiment(arms=("tracker", "random"), seed=4, n_seeds=2).jobs() == [
+        ("tracker", 4),
+        ("random", 4),
+        ("random", 5),
+    ]
+
+
+def test_the_arms_are_those_that_a_study_of_shields_reports():
+    assert [name for name, arm in ARMS.items() if arm.is_trained] == [
+        "none",
+        "collision-penalty",
+        "shield",
+        "shield-penalty",
+        "cbf",
+    ]
+    assert {name for name, arm in ARMS.items() if arm.is_shielded} == {"shield", "shield-penalty", "cbf"}
+    assert ARMS["collision-penalty"].collision_penalty > 0 and ARMS["shield-penalty"].intervention_penalty > 0
+    assert ARMS["cbf"].shield == {"method": "cbf"}
+    assert len({arm.title for arm in ARMS.values()}) == len(ARMS)
+
+
+def test_going_on_with_a_run_keeps_its_settings(tmp_path):
+    run = create_run(UNUSUAL, Options(log_folder=tmp_path), {})
+    words = ["-i", str(run.folder)]
+    assert parse(words).experiment == UNUSUAL
+    more = parse([*words, "--arms", "none", "shield", "--n-seeds", "4"]).experiment
+    assert extended(run, more) == Run(run.folder, more) and len(more.jobs()) == 8
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["-n", "5000"], "n_timesteps must stay that of the run, 4096, with -i {}, got 5000"),
+        (["--algo", "ppo"], "algo must stay that of the run, 'sac', with -i {}, got 'ppo'"),
+        (["--seed", "8"], "seed must stay that of the run, 7, with -i {}, got 8"),
+        (
+            ["--n-seeds", "2"],
+            "arms and n_seeds must keep those of the run with -i {}, got none of [('shield', 9)]",
+        ),
+    ],
+)
+def test_what_does_not_go_on_with_a_run(tmp_path, words, sentence):
+    run = create_run(UNUSUAL, Options(log_folder=tmp_path), {})
+    with pytest.raises(ValueError) as caught:
+        extended(run, parse(["-i", str(run.folder), *words]).experiment)
+    assert str(caught.value) == sentence.format(run.folder)
 
 
 @pytest.mark.parametrize(
@@ -75,9 +134,15 @@ def test_seeds_are_trained_one_after_the_other():
         ({"n_seeds": 1.5}, "n_seeds must be an integer >= 1, got 1.5"),
         ({"eval_episodes": "many"}, "eval_episodes must be an integer >= 1, got 'many'"),
         ({"seed": -1}, "seed must be an integer in [0, 2^32), got -1"),
-        ({"arms": ()}, "arms must be one or several of none, shield, got []"),
-        ({"arms": ("none", "armour")}, "arms must be one or several of none, shield, got ['none', 'armour']"),
-        ({"arms": ("none", "none")}, "arms must be one or several of none, shield, got ['none', 'none']"),
+        ({"arms": ()}, f"arms must be one or several of {', '.join(ARMS)}, got []"),
+        (
+            {"arms": ("none", "armour")},
+            f"arms must be one or several of {', '.join(ARMS)}, got ['none', 'armour']",
+        ),
+        (
+            {"arms": ("none", "none")},
+            f"arms must be one or several of {', '.join(ARMS)}, got ['none', 'none']",
+        ),
     ],
 )
 def test_what_does_not_fit_an_experiment(fields, sentence):
@@ -87,20 +152,22 @@ def test_what_does_not_fit_an_experiment(fields, sentence):
 
 
 def test_what_does_not_fit_the_other_settings():
-    with pytest.raises(ValueError, match=r"batch_size must divide n_envs \* n_steps = 8192, got 1000"):
-        PpoSettings(batch_size=1000)
-    with pytest.raises(ValueError, match=r"n_epochs must be an integer >= 1, got 0"):
-        PpoSettings(n_epochs=0)
+    with pytest.raises(ValueError, match=r"save_freq must be an integer >= 1, got 0"):
+        Options(save_freq=0)
+    with pytest.raises(ValueError, match=r"n_jobs must be an integer >= 0, got -1"):
+        Options(n_jobs=-1)
+    with pytest.raises(ValueError, match=r"address must come with --engine ray, got 'a:1'"):
+        Options(address="a:1")
     with pytest.raises(ValueError, match=r"num_threads must be an integer >= 1, got 0"):
         Options(num_threads=0)
     with pytest.raises(ValueError, match=r"eval_episodes must be an integer >= 1, got 0"):
         Evaluate(Path("a"), 0)
-    with pytest.raises(ValueError, match=r"fields of PpoSettings only, got \['momentum'\]"):
-        experiment_from_dict({"ppo": {"momentum": 0.9}})
+    with pytest.raises(ValueError, match=r"fields of Experiment only, got \['momentum'\]"):
+        experiment_from_dict({"momentum": 0.9})
 
 
 @pytest.mark.parametrize(
-    "text", ["!!python/object/apply:os.mkdir ['{}']", "- a", "a: [", "ppo: 3", "arms: none", "x: 1"]
+    "text", ["!!python/object/apply:os.mkdir ['{}']", "- a", "a: [", "hyperparams: 3", "arms: none", "x: 1"]
 )
 def test_a_config_that_is_no_experiment_is_refused_and_executes_nothing(tmp_path, text):
     planted = tmp_path / "planted"

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
-from agents.build import checked, make_vector_env
-from agents.config import Experiment
+from agents.algorithms import SCENES_PER_SEED
+from agents.build import CollisionPenalty, checked, make_vector_env
+from agents.config import Experiment, Options
 from agents.episodes import EPISODE, EpisodeCounter
-from agents.evaluate import FIRST_HELD_OUT, fly, held_out_scenes
-from agents.ppo import SCENES_PER_SEED
-from agents.report import aligned, exact_bounds, percentage, summary
+from agents.evaluate import FIRST_HELD_OUT, evaluate, evaluate_run, fly, held_out_scenes
+from agents.results import flights, summary
+from agents.runs import create_run
 from agents.sb3_vec import Sb3VectorEnv
+from agents.statistics import exact_bounds
+from agents.tables import aligned, percentage
 
 AVOID = Experiment()
 SCENES = held_out_scenes(20)
@@ -60,7 +63,8 @@ def test_agrees_with_the_evaluation_of_stable_baselines():
 
 
 def test_every_ending_is_kept_apart():
-    counter = EpisodeCounter(5)
+    counter, here = EpisodeCounter(5, 0.04), np.zeros((5, 20), dtype=np.float32)
+    counter.start(here)
     nothing = np.zeros(5, dtype=bool)
     info = {
         "cost": np.array([1.0, 0, 0, 0, 0]),
@@ -72,6 +76,7 @@ def test_every_ending_is_kept_apart():
         "is_success": np.array([False, False, False, False, True]),
     }
     finished = counter.add(
+        here,
         np.ones(5),
         np.array([True, True, True, False, True]),
         np.array([False, False, False, True, False]),
@@ -81,7 +86,80 @@ def test_every_ending_is_kept_apart():
     kinds = ("violations", "out_of_bounds", "crashes", "timeouts", "successes")
     assert [row[kind] for kind in kinds] == [1] * 5
     assert row["clearance"] == -0.1 and row["return"] == row["length"] == 1.0
-    assert counter.add(np.ones(5), nothing, nothing, info).size == 0
+    assert counter.add(here, np.ones(5), nothing, nothing, info).size == 0
+
+
+def test_path_and_interventions_are_those_of_a_slow_count():
+    env, n, period = make_vector_env(AVOID, 6, True), 6, 0.04
+    observations, _ = env.reset(options={"scene": SCENES[:n]})
+    counter = EpisodeCounter(n, period)
+    counter.start(observations)
+    path, acts, sizes = np.zeros(n), [[] for _ in range(n)], [[] for _ in range(n)]
+    for _ in range(60):
+        path += period * np.linalg.norm(env.unwrapped.flat_state()[:, 1], axis=1)
+        observations, rewards, terminated, truncated, info = env.step(AtTheGoal().predict(observations)[0])
+        assert not (terminated | truncated).any()
+        counter.add(observations, rewards, terminated, truncated, info)
+        for i in range(n):
+            acts[i].append(bool(info["shield"]["intervened"][i]))
+            sizes[i].append(info["shield"]["correction"][i])
+    found = counter.snapshot()["open"]
+    np.testing.assert_allclose(found["path"], path, rtol=1e-5)
+    assert found["interventions"].tolist() == [sum(row) for row in acts] and found["interventions"].any()
+    words = ["".join("x" if act else " " for act in row).split() for row in acts]
+    assert found["segments"].tolist() == [len(runs) for runs in words]
+    np.testing.assert_allclose(found["correction"], np.sum(sizes, axis=1))
+    np.testing.assert_allclose(found["largest_correction"], np.max(sizes, axis=1))
+
+
+def test_a_counter_goes_on_from_a_snapshot():
+    def counted(*parts):
+        env = make_vector_env(AVOID, 4, True)
+        observations, _ = env.reset(options={"scene": SCENES[:4]})
+        counter = EpisodeCounter(4, 0.04)
+        counter.start(observations)
+        for steps in parts:
+            snapshot, counter = counter.snapshot(), EpisodeCounter(4, 0.04)
+            counter.restore(snapshot)
+            for _ in range(steps):
+                observations, *told = env.step(AtTheGoal().predict(observations)[0])
+                counter.add(observations, *told)
+        return counter.snapshot()["open"].tolist()
+
+    assert counted(50) == counted(13, 0, 37)
+
+
+def test_every_agent_flies_the_same_scenes(tmp_path):
+    run = create_run(
+        checked(Experiment(arms=("tracker", "random"), n_seeds=2)), Options(log_folder=tmp_path), {}
+    )
+    for arm, seed in run.experiment.jobs():
+        evaluate(run, arm, seed, 10)
+    tracked, wild, wilder = (
+        [flights(run, arm, seed, shield) for shield in (False, True)]
+        for arm, seed in (("tracker", 0), ("random", 0), ("random", 1))
+    )
+    for pair in (tracked, wild, wilder):
+        assert [flown["scene"].tolist() for flown in pair] == [SCENES[:10]] * 2
+    assert tracked[0]["violation"].sum() >= 8 and not tracked[1]["violation"].any()
+    assert tracked[1]["is_success"].sum() >= 8
+    assert not np.array_equal(wild[0]["return"], wilder[0]["return"])
+    with pytest.raises(FileNotFoundError, match="run must hold a trained policy, got none"):
+        evaluate_run(create_run(AVOID, Options(log_folder=tmp_path), {}))
+
+
+def test_a_collision_penalty_is_paid_for_each_violation_and_nothing_else():
+    plain, paying = make_vector_env(AVOID, 8, False), CollisionPenalty(make_vector_env(AVOID, 8, False), 3.0)
+    observations = [env.reset(seed=3)[0] for env in (plain, paying)]
+    paid = 0.0
+    for _ in range(80):
+        actions = AtTheGoal().predict(observations[0])[0]
+        (observations[0], rewards, *_, info), (observations[1], others, *_) = (
+            env.step(actions) for env in (plain, paying)
+        )
+        np.testing.assert_allclose(others, rewards - 3.0 * info["cost"], atol=1e-12)
+        paid += info["cost"].sum()
+    assert paid > 0
 
 
 def test_clopper_pearson_bounds():
@@ -102,13 +180,16 @@ def test_the_bounds_hold_the_rate_in_19_of_20_experiments(p, n):
 def test_percentages_carry_their_bounds():
     def row(k, n):
         low, high = exact_bounds(k, n)
-        return {"rate": k / n, "rate_low": low, "rate_high": high}
+        return {"rate": k / n, "rate_least": low, "rate_most": high, "rate_low": None, "rate_high": None}
 
     assert percentage(row(0, 200), "rate") == "0 [<= 1.5]"
     assert percentage(row(200, 200), "rate") == "100 [>= 98.5]"
     assert percentage(row(14, 200), "rate") == "7.0 [3.9, 11.5]"
     assert percentage(row(1, 2000), "rate") == "0.05 [0.00, 0.28]"
     assert percentage({"rate": None}, "rate") == "-"
+    # Of several seeds, the interval over seeds; of nothing counted, still the bound over all episodes.
+    assert percentage({**row(14, 200), "rate_low": 0.05, "rate_high": 0.08}, "rate") == "7.0 [5.0, 8.0]"
+    assert percentage({**row(0, 200), "rate_low": 0.0, "rate_high": 0.0}, "rate") == "0 [<= 1.5]"
 
 
 def test_a_summary_of_nothing_has_no_rates():

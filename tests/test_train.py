@@ -17,12 +17,15 @@ import yaml
 
 import agents
 import train
-from agents import ppo, runs
+from agents import algorithms, evaluate, provenance, runs
+from agents.build import checked, make_training_env
 from agents.config import Experiment
+from agents.engines import StopRequest
 from agents.episodes import EPISODE
+from agents.sb3_vec import Sb3VectorEnv
 
 TINY = shlex.split(
-    "-n 6000 --ppo.n-envs 16 --ppo.n-steps 64 --ppo.batch-size 256 --ppo.n-epochs 1 --eval-episodes 12"
+    "-n 6000 --hyperparams n_envs:16 n_steps:64 batch_size:256 n_epochs:1 --eval-episodes 12 --n-jobs 1"
 )
 
 
@@ -38,61 +41,92 @@ def weights(folder):
 def finished(tmp_path_factory):
     """A finished run and the files in it."""
     log_folder = tmp_path_factory.mktemp("logs")
-    assert train.main([*TINY, "-f", str(log_folder), "--progress"]) == 0
+    assert train.main([*TINY, "-f", str(log_folder), "--progress", "-tb", str(log_folder / "board")]) == 0
     return log_folder / "QuadSafe-Avoid-v0_1"
 
 
+def table(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
 def test_a_run_leaves_its_record(finished):
-    found = sorted(str(path.relative_to(finished)) for path in finished.rglob("*") if path.is_file())
-    own = [
-        "args.yml",
-        "config.yml",
-        "evaluation.csv",
-        "results.csv",
-        "results.json",
-        "results.txt",
-        "versions.yml",
-    ]
-    each = ["episodes.csv", "policy.pt", "progress.csv", "training.json"]
-    assert found == sorted(own + [f"{arm}_seed0/{name}" for arm in ("none", "shield") for name in each])
+    found = sorted(str(p.relative_to(finished)) for p in finished.rglob("[!.]*") if p.is_file())
+    own = ["args.yml", "config.yml", "provenance.yml", "results.csv", "results.txt", "seeds.csv"]
+    own += ["trace.csv", "trace.json"]
+    each = ["episodes.csv", "flights.csv", "policy.pt", "progress.csv", "training.json"]
+    assert set(found) >= set(own + [f"{arm}_seed0/{name}" for arm in ("none", "shield") for name in each])
     config = yaml.safe_load((finished / "config.yml").read_text())
     assert config["n_timesteps"] == 6000 and config["shield"]["snap_max"] > 0
+    assert config["hyperparams"]["gamma"] == 0.99 and config["hyperparams"]["n_envs"] == 16
 
 
-def test_the_table_is_printed_and_fits_a_terminal(finished, capsys):
-    before = (finished / "results.txt").read_text()
-    assert train.main(["evaluate", str(finished)]) == 0
-    text = capsys.readouterr().out
-    assert text == before + "\n"
-    assert "Training, 6,144 steps" in text and "12 held-out scenes" in text
-    assert text.count("no shield") == 5 and text.count("  shield") >= 5
-    assert max(map(len, text.splitlines()[1:])) <= 100
+def test_the_record_tells_two_runs_apart(finished):
+    kept = yaml.safe_load((finished / "provenance.yml").read_text())
+    assert {"python", "platform", "git_revision", "torch", "stable-baselines3", "numba"} <= set(kept)
+    assert kept["seeds"] == [0] and kept["held_out"]["count"] == 12
+    scenes = evaluate.held_out_scenes(12)
+    experiment = runs.open_run(finished).experiment
+    assert provenance.scene_hash(experiment, scenes) == kept["held_out"]["sha256"]
+    assert provenance.scene_hash(experiment, scenes[::-1]) != kept["held_out"]["sha256"]
+
+
+def test_the_table_is_printed_and_made_again_from_the_files(finished, capsys):
+    kept = {name: (finished / name).read_bytes() for name in ("results.txt", "results.csv", "seeds.csv")}
+    for words in (["evaluate"], ["report"]):
+        assert train.main([*words, str(finished)]) == 0
+        text = capsys.readouterr().out
+        assert text.encode() == kept["results.txt"] + b"\n"
+        assert {name: (finished / name).read_bytes() for name in kept} == kept
+    assert "Training, 6,000 steps a seed" in text and "12 held-out scenes" in text
+    assert max(map(len, text.splitlines()[1:])) <= 110
 
 
 def test_results_agree_with_the_episodes(finished):
-    results = json.loads((finished / "results.json").read_text())
-    assert [(row["arm"], row["shield"]) for row in results["training"]] == [("none", False), ("shield", True)]
-    for row in results["training"]:
+    rows = table(finished / "seeds.csv")
+    trained, flown = ([r for r in rows if r["phase"] == phase] for phase in ("training", "evaluation"))
+    assert [(row["arm"], row["flown"]) for row in trained] == [("none", "off"), ("shield", "on")]
+    for row in trained:
         episodes = runs.read_csv(finished / f"{row['arm']}_seed0" / "episodes.csv", EPISODE)
-        assert row["episodes"] == len(episodes) > 0
+        assert int(row["episodes"]) == len(episodes) > 0
         # A violation ends the episode, so there are as many steps with one.
-        assert row["violations"] == episodes["violation"].sum() == row["violation_steps"]
-        assert row["timesteps"] == 6144 and episodes["length"].sum() <= 6144
-    assert [(row["arm"], row["shield"]) for row in results["evaluation"]] == [
-        ("none", False),
-        ("none", True),
-        ("shield", False),
-        ("shield", True),
-    ]
-    with (finished / "evaluation.csv").open() as file:
-        flights = list(csv.DictReader(file))
-    for row in results["evaluation"]:
-        own = [f for f in flights if f["arm"] == row["arm"] and f["shield"] == str(row["shield"])]
+        assert int(row["violations"]) == episodes["violation"].sum() == int(row["violation_steps"])
+        assert int(row["timesteps"]) == 6144 and episodes["length"].sum() <= 6144
+    arms = [("none", "off"), ("none", "on"), ("shield", "off"), ("shield", "on")]
+    assert [(row["arm"], row["flown"]) for row in flown] == arms
+    for row in flown:
+        flights = table(finished / f"{row['arm']}_seed0" / "flights.csv")
+        own = [flight for flight in flights if flight["shield"] == str(row["flown"] == "on")]
         assert [int(flight["scene"]) for flight in own] == [2**63 + i for i in range(12)]
-        assert sum(flight["violation"] == "True" for flight in own) == row["violations"]
-        assert row["violation_rate_low"] <= row["violation_rate"] <= row["violation_rate_high"]
-    with (finished / "results.csv").open() as file:
-        assert len(list(csv.DictReader(file))) == 6
+        assert sum(flight["violation"] == "True" for flight in own) == int(row["violations"])
+        steps = sum(int(flight["length"]) for flight in own)
+        assert float(row["violations_per_1000_steps"]) == pytest.approx(1e3 * int(row["violations"]) / steps)
+    assert len(table(finished / "results.csv")) == 6
+
+
+def test_the_trace_shows_what_the_flights_say(finished):
+    told = json.loads((finished / "trace.json").read_text())
+    steps = table(finished / "trace.csv")
+    flights = table(finished / f"{told['arm']}_seed{told['seed']}" / "flights.csv")
+    for shield in ("False", "True"):
+        own = [step for step in steps if step["shield"] == shield]
+        [flight] = [f for f in flights if f["shield"] == shield and int(f["scene"]) == told["scene"]]
+        assert len(own) == int(flight["length"]) + 1
+        clearance = min(float(step["clearance"]) for step in own[:-1])
+        assert clearance == pytest.approx(float(flight["clearance"]), abs=1e-6)
+        start = [float(own[0][f"position_{axis}"]) for axis in "xyz"]
+        assert start == pytest.approx(told["start"])
+    assert any(step["intervened"] == "True" for step in steps) or told["scene"] == 2**63
+
+
+def test_tensorboard_gets_what_the_table_has(finished):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    events = EventAccumulator(str(finished.parent / "board" / finished.name / "none_seed0")).Reload()
+    values = [scalar.value for scalar in events.Scalars("rollout/violations")]
+    assert values == [
+        float(row["rollout/violations"]) for row in table(finished / "none_seed0" / "progress.csv")
+    ]
 
 
 def test_the_shield_flew_in_its_arm_only(finished):
@@ -104,11 +138,10 @@ def test_the_shield_flew_in_its_arm_only(finished):
 
 
 def test_progress_counts_up_to_the_last_step(finished):
-    with (finished / "none_seed0" / "progress.csv").open() as file:
-        rows = list(csv.DictReader(file))
+    rows = table(finished / "none_seed0" / "progress.csv")
     assert [int(row["time/total_timesteps"]) for row in rows] == [1024 * i for i in range(1, 7)]
     record = json.loads((finished / "none_seed0" / "training.json").read_text())
-    assert int(rows[-1]["rollout/violations"]) == record["violation_steps"]
+    assert int(rows[-1]["rollout/violations"]) == record["violations"] == record["violation_steps"]
 
 
 def test_equal_seeds_give_equal_weights_whatever_was_trained_before(finished, tmp_path):
@@ -118,10 +151,49 @@ def test_equal_seeds_give_equal_weights_whatever_was_trained_before(finished, tm
     assert weights(again / "shield_seed1") != weights(again / "shield_seed0")
     same = [(folder / "shield_seed0" / "episodes.csv").read_bytes() for folder in (again, finished)]
     assert same[0] == same[1]
-    rows = json.loads((again / "results.json").read_text())["training"]
-    assert [row["seed"] for row in rows] == [0, 1, "all"]
-    assert rows[2]["episodes"] == rows[0]["episodes"] + rows[1]["episodes"]
+    rows = [row for row in table(again / "seeds.csv") if row["phase"] == "training"]
+    assert [row["seed"] for row in rows] == ["0", "1"]
+    [both] = [row for row in table(again / "results.csv") if row["phase"] == "training"]
+    assert int(both["episodes"]) == sum(int(row["episodes"]) for row in rows) and both["seeds"] == "2"
     assert "seeds 0 to 1" in (again / "results.txt").read_text()
+
+
+def test_several_processes_give_what_one_gives(finished, tmp_path):
+    assert train.main([*TINY[:-1], "2", "-f", str(tmp_path), "--n-seeds", "2"]) == 0
+    again = tmp_path / "QuadSafe-Avoid-v0_1"
+    for name in ("shield_seed0", "none_seed0"):
+        assert weights(again / name) == weights(finished / name)
+        for file in ("episodes.csv", "flights.csv"):
+            assert (again / name / file).read_bytes() == (finished / name / file).read_bytes()
+
+
+def test_seeds_and_arms_are_added_to_a_run(finished, tmp_path):
+    assert train.main([*TINY, "-f", str(tmp_path), "--arms", "shield"]) == 0
+    run = tmp_path / "QuadSafe-Avoid-v0_1"
+    kept = {p: p.stat().st_mtime_ns for p in (run / "shield_seed0").iterdir()}
+    assert train.main(["-i", str(run), "--n-jobs", "1", "--arms", "shield", "none", "--n-seeds", "2"]) == 0
+    assert {p: p.stat().st_mtime_ns for p in kept} == kept
+    assert runs.open_run(run).experiment.jobs() == [("shield", 0), ("none", 0), ("shield", 1), ("none", 1)]
+    assert weights(run / "none_seed0") == weights(finished / "none_seed0")
+
+
+@pytest.mark.parametrize(
+    ("algo", "words"),
+    [
+        ("sac", "n_envs:8 learning_starts:100 batch_size:64 gradient_steps:1"),
+        ("td3", "n_envs:8 learning_starts:100 batch_size:64 gradient_steps:1"),
+        ("a2c", "n_envs:8"),
+    ],
+)
+def test_any_algorithm_of_stable_baselines_learns_and_flies(tmp_path, algo, words):
+    own = shlex.split(f"-n 800 --algo {algo} --eval-episodes 4 --n-jobs 1 --hyperparams {words}")
+    assert train.main([*own, "-f", str(tmp_path), "--arms", "shield"]) == 0
+    run = tmp_path / "QuadSafe-Avoid-v0_1"
+    [trained] = [row for row in table(run / "seeds.csv") if row["phase"] == "training"]
+    assert int(trained["timesteps"]) == 800 and int(trained["violations"]) == 0
+    assert type(agents.load(run)).__module__.startswith(
+        f"stable_baselines3.{algo if algo != 'a2c' else 'common'}"
+    )
 
 
 def test_load_gives_a_policy_that_flies(finished):
@@ -197,47 +269,8 @@ def test_load_refuses_what_are_not_its_weights(finished, tmp_path, damage):
         agents.load(run)
 
 
-def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
-    path = tmp_path / "policy.pt"
-    runs.write_text(path, "old")
-
-    def breaks_off(file):
-        file.write(b"ne")
-        raise OSError("No space left on device")
-
-    with pytest.raises(OSError, match="No space"):
-        runs.write_safely(path, breaks_off)
-    with monkeypatch.context() as patch:
-        patch.setattr(runs.os, "fsync", lambda _: (_ for _ in ()).throw(KeyboardInterrupt))
-        with pytest.raises(KeyboardInterrupt):
-            runs.write_text(path, "new")
-    assert path.read_text() == "old" and os.listdir(tmp_path) == ["policy.pt"]
-    runs.write_text(path, "new")
-    assert path.read_text() == "new" and os.listdir(tmp_path) == ["policy.pt"]
-
-
-def test_an_interrupt_keeps_what_was_learned(tmp_path, monkeypatch, capsys):
-    calls = []
-
-    def interrupted(monitor):
-        calls.append(monitor.num_timesteps)
-        if len(calls) == 2:
-            signal.raise_signal(signal.SIGINT)
-
-    monkeypatch.setattr(ppo.TrainingMonitor, "_on_rollout_start", interrupted)
-    before = signal.getsignal(signal.SIGINT)
-    assert train.main([*TINY, "-f", str(tmp_path)]) == 130
-    assert signal.getsignal(signal.SIGINT) is before
-    run = tmp_path / "QuadSafe-Avoid-v0_1"
-    assert f"python train.py evaluate {run}" in capsys.readouterr().out
-    assert json.loads((run / "none_seed0" / "training.json").read_text())["timesteps"] == 1024 + 16
-    assert not (run / "shield_seed0").exists()
-    assert train.main(["evaluate", str(run)]) == 0
-    assert "Training, 1,040 steps" in capsys.readouterr().out
-
-
-def test_a_second_interrupt_stops_at_once():
-    with pytest.raises(KeyboardInterrupt), ppo.StopRequest() as stop:
+def test_a_second_interrupt_stops_at_once(tmp_path):
+    with pytest.raises(KeyboardInterrupt), StopRequest(tmp_path / ".stop") as stop:
         signal.raise_signal(signal.SIGINT)
         assert stop.is_set
         signal.raise_signal(signal.SIGINT)
@@ -258,8 +291,16 @@ def test_an_interrupt_elsewhere_ends_without_a_traceback(finished, monkeypatch, 
     [
         (["--env", "QuadSafe/Swim-v0"], "env must be one of"),
         (["--action", "thrust"], "action must be one of"),
+        (["--arms", "armour"], "arms must be one or several of none, collision-penalty, shield"),
         (["-n", "0"], "n_timesteps must be an integer >= 1, got 0"),
         (["--shield", "alpha:-1"], "alpha must be a finite number > 0, got -1"),
+        (["--algo", "alphago"], "algo must be one of 'a2c'"),
+        (["--algo", "dqn"], "algo must suit the environment, got 'dqn'"),
+        (["--hyperparams", "momentum:0.9"], "unexpected keyword argument 'momentum'"),
+        (["--hyperparams", "n_envs:0"], "n_envs must be an integer >= 1, got 0"),
+        (["--hyperparams", "use_sde:True"], "hyperparams must not have use_sde"),
+        (["-i", "no/such/run"], "run must be a folder with a config.yml, got 'no/such/run'"),
+        (["report", "no/such/run"], "run must be a folder with a config.yml, got 'no/such/run'"),
         (["--device", "abacus"], "device must be one that torch can use here, got 'abacus'"),
         (["evaluate", "no/such/run"], "run must be a folder with a config.yml, got 'no/such/run'"),
     ],
@@ -275,7 +316,7 @@ def test_a_mistake_is_one_sentence_before_anything_runs(words, named, tmp_path, 
 
 
 @pytest.mark.parametrize(
-    "words", [["--seed", "x"], ["--arms", "armour"], ["--shield", "alpha"], ["--wings", "2"]]
+    "words", [["--seed", "x"], ["--engine", "steam"], ["--shield", "alpha"], ["--wings", "2"]]
 )
 def test_a_word_that_cannot_be_read_ends_with_a_hint(words, capsys):
     with pytest.raises(SystemExit) as caught:
@@ -291,14 +332,8 @@ def test_the_arguments_of_the_process_are_the_default(monkeypatch, capsys):
 
 
 def test_the_policy_is_the_one_stable_baselines_trains():
-    experiment = Experiment(ppo=ppo_settings())
-    env = ppo.Sb3VectorEnv(ppo.make_training_env(experiment, "none"))
-    model = ppo.make_ppo(experiment, env, seed=0)
+    own = {"n_envs": 4, "n_steps": 16, "batch_size": 64, "net_arch": [32, 16], "log_std_init": -0.5}
+    experiment = checked(Experiment(hyperparams=own))
+    model = algorithms.make_model(experiment, Sb3VectorEnv(make_training_env(experiment, "none")), seed=0)
     assert [layer.out_features for layer in model.policy.mlp_extractor.policy_net[::2]] == [32, 16]
-    assert model.policy.log_std[0].item() == -0.5
-
-
-def ppo_settings():
-    from agents.config import PpoSettings
-
-    return PpoSettings(n_envs=4, n_steps=16, batch_size=64, net_arch=(32, 16), log_std_init=-0.5)
+    assert model.policy.log_std[0].item() == -0.5 and model.n_epochs == 10
