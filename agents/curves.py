@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from agents.statistics import CONFIDENCE, iqm
 
-LAST, POINTS, RESAMPLES = 100, 100, 2_000
+POINTS, RESAMPLES = 100, 2_000
 Episodes = NDArray[np.void]
 
 
@@ -21,10 +21,14 @@ class Curve(NamedTuple):
     high: NDArray[np.float64]
 
 
-def success_curve(seeds: Sequence[Episodes], steps: int) -> Curve:
-    """Rate of success of the last ``LAST`` episodes so far, at ``POINTS`` + 1 times of the training."""
+def success_curve(seeds: Sequence[Episodes], steps: int, window: int) -> Curve:
+    """Rate of success of the episodes that ended in the last ``window`` steps, at ``POINTS`` + 1 times.
+
+    Rows that start together run into their time limit together, long after the quick successes: a window no
+    shorter than the longest episode of all rows holds both.
+    """
     times = np.linspace(0, steps, POINTS + 1)
-    return over_seeds(times, np.array([_recent_success(episodes, times) for episodes in seeds]))
+    return over_seeds(times, np.array([_recent_success(episodes, times, window) for episodes in seeds]))
 
 
 def violation_curve(seeds: Sequence[Episodes], steps: int) -> Curve:
@@ -50,11 +54,14 @@ def over_seeds(steps: NDArray[np.float64], values: NDArray[np.float64]) -> Curve
     return Curve(steps, middle, low, high)
 
 
-def _recent_success(episodes: Episodes, times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """NaN before the first episode has ended; of all so far while there are fewer than ``LAST``."""
+def _recent_success(episodes: Episodes, times: NDArray[np.float64], window: int) -> NDArray[np.float64]:
+    """NaN where no episode ended."""
     order = np.argsort(episodes["timestep"], kind="stable")
-    until = np.searchsorted(episodes["timestep"][order], times, side="right")
-    since = np.maximum(until - LAST, 0)
+    ends = episodes["timestep"][order]
+    since, until = (
+        np.searchsorted(ends, times - window, side="right"),
+        np.searchsorted(ends, times, side="right"),
+    )
     successes = np.concatenate([[0.0], np.cumsum(episodes["is_success"][order])])
     rates = np.full(len(times), np.nan)
     return np.divide(successes[until] - successes[since], until - since, out=rates, where=until > since)

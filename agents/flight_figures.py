@@ -11,7 +11,8 @@ from agents.looks import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, d
 from agents.trace import AXES, Trace, vectors
 
 AROUND, DOWN = 48, 24  # vertices of a sphere
-EYE_DISTANCE, EYE_HEIGHT = 1.15, 0.4  # of the camera, in units of plotly
+LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
+EYE_DISTANCE, EYE_HEIGHT = 1.5, 0.5  # of the camera, in units of plotly
 
 
 def flights(trace: Trace) -> go.Figure:
@@ -34,12 +35,13 @@ def flights(trace: Trace) -> go.Figure:
     for point, color in marks.values():
         figure.add_trace(_point(point, color))
     titles = {f"{axis}axis": {"title": {"text": f"{axis}, m"}, "nticks": 6} for axis in AXES}
-    camera = {"eye": _eye(scene["start"], scene["goal"]), "projection": {"type": "orthographic"}}
+    eye = _eye(scene["start"], scene["goal"])
+    figure.update_traces(lightposition={axis: 1e4 * eye[axis] for axis in AXES}, selector={"type": "mesh3d"})
     labels = [_label(name, *mark) for name, mark in marks.items()]
     return figure.update_layout(
         scene={
             "aspectmode": "data",
-            "camera": camera,
+            "camera": {"eye": eye},
             "dragmode": "turntable",
             "annotations": labels,
             **titles,
@@ -109,22 +111,25 @@ def spheres(center: NDArray, radius: list[float], name: str, opacity: float) -> 
         name: what the legend calls them.
         opacity: 1 hides what is behind.
     """
-    around, down = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, AROUND), np.linspace(0.0, np.pi, DOWN))
-    normal = np.stack([np.cos(around) * np.sin(down), np.sin(around) * np.sin(down), np.cos(down)], -1).reshape(
-        -1, 3
-    )
+    normal, triangles = _unit_sphere()
     points = (center[:, None] + np.reshape(radius, (-1, 1, 1)) * normal).reshape(-1, 3)
-    first = (np.arange(DOWN - 1)[:, None] * AROUND + np.arange(AROUND - 1)).ravel()
-    square = first + np.array([[0], [1], [AROUND], [AROUND + 1]])
-    one = np.concatenate([square[[0, 2, 1]], square[[1, 2, 3]]], axis=1)
-    corners = np.concatenate([one + k * AROUND * DOWN for k in range(len(center))] or [one[:, :0]], axis=1)
-    x, y, z = points.T
-    i, j, k = corners
-    light = {"ambient": 0.62, "diffuse": 0.55, "specular": 0.12, "roughness": 0.7}
-    mesh = {"color": OBSTACLE, "opacity": opacity, "name": name, "showlegend": True, "hoverinfo": "skip"}
-    return go.Mesh3d(
-        x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, lightposition={"x": -500, "y": -900, "z": 1500}, **mesh
+    corners = np.concatenate(
+        [np.empty((0, 3), np.int64), *(triangles + n * len(normal) for n in range(len(center)))]
     )
+    x, y, z = points.T
+    i, j, k = corners.T
+    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8}
+    mesh = {"color": OBSTACLE, "opacity": opacity, "name": name, "showlegend": True, "hoverinfo": "skip"}
+    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **mesh)
+
+
+def _unit_sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points (P, 3), and the points at the corners of its triangles (T, 3)."""
+    around, down = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, AROUND), np.linspace(0.0, np.pi, DOWN))
+    normal = np.stack([np.cos(around) * np.sin(down), np.sin(around) * np.sin(down), np.cos(down)], axis=-1)
+    first = (np.arange(DOWN - 1)[:, None] * AROUND + np.arange(AROUND - 1)).ravel()
+    square = first[:, None] + np.array([0, 1, AROUND, AROUND + 1])
+    return normal.reshape(-1, 3), np.concatenate([square[:, [0, 2, 1]], square[:, [1, 2, 3]]])
 
 
 def _path(points: NDArray, name: str, color: str, width: float) -> go.Scatter3d:
@@ -140,13 +145,8 @@ def _point(point: NDArray, color: str) -> go.Scatter3d:
 
 def _label(name: str, point: NDArray, color: str) -> dict[str, Any]:
     x, y, z = map(float, point)
-    arrow = {
-        "ax": 0,
-        "ay": 44 if color == WITHOUT else -32,
-        "arrowwidth": 1,
-        "arrowcolor": color,
-        "standoff": 4,
-    }
+    aside, below = LABEL_OFFSETS[name]
+    arrow = {"ax": aside, "ay": below, "arrowwidth": 1, "arrowcolor": color, "standoff": 4}
     return {"x": x, "y": y, "z": z, "text": name, "font": {"color": color, "size": 14}, "arrowhead": 0, **arrow}
 
 

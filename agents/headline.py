@@ -36,9 +36,14 @@ def headline(rows: list[Row]) -> list[tuple[str, str]]:
     return [(title, text) for title, text in parts if text] or [("Nothing yet", "No training is finished.")]
 
 
-def counted(row: Row, plural: str = "violations", rate: str = "violation_rate") -> str:
-    """A count, its total and its rate: "3 of 20 (15.0 %, 3.2 to 37.9)", "0 of 20 (at most 14.0 %)"."""
-    return f"{row[plural]:,} of {row['episodes']:,} ({in_words(row, rate)})"
+def collided(row: Row, of: str = "") -> str:
+    """A count, its total and its rate: "3 of 20 flights (15.0 %, 3.2 to 37.9)", "0 of 20 (at most 14.0 %)"."""
+    return f"{row['violations']:,} of {row['episodes']:,}{of} ({in_words(row, 'violation_rate')})"
+
+
+def arrived(row: Row, of: str = "") -> str:
+    """As ``collided``, of the episodes that reached the goal."""
+    return f"{row['successes']:,} of {row['episodes']:,}{of} ({in_words(row, 'success_rate')})"
 
 
 def in_words(row: Row, rate: str) -> str:
@@ -96,14 +101,10 @@ def _training(found: Rows) -> str:
 
 
 def _listed(arms: list[str], rows: dict[str, Row]) -> str:
-    """What each arm did in training, one after the other, in half a sentence."""
-    words = [f"{WAYS.get(arm, arm)}, {_episodes(rows[arm], i == 0)}" for i, arm in enumerate(arms)]
-    return "; ".join(words)[:1].upper() + "; ".join(words)[1:]
-
-
-def _episodes(row: Row, is_first: bool) -> str:
-    count = f"{row['violations']:,} of {row['episodes']:,}"
-    return f"{count}{' episodes collided' if is_first else ''} ({in_words(row, 'violation_rate')})"
+    """What each arm did in training, one after the other."""
+    of = [" episodes collided", *[""] * len(arms)]
+    words = "; ".join(f"{WAYS.get(arm, arm)}, {collided(rows[arm], of[i])}" for i, arm in enumerate(arms))
+    return words[:1].upper() + words[1:]
 
 
 def _verdict(trained: dict[str, Row]) -> str:
@@ -113,81 +114,89 @@ def _verdict(trained: dict[str, Row]) -> str:
 
 
 def _bought(found: Rows) -> str:
-    shielded = found.get(("evaluation", "shield", "on"))
-    if shielded is None:
+    row, bare = found.get(("evaluation", "shield", "on")), found.get(("evaluation", "none", "off"))
+    if row is None:
         return ""
-    text = f"Trained and flown with the shield, {counted(shielded)} held-out flights collided"
-    reach = f"{counted(shielded, 'successes', 'success_rate')} reached the goal"
-    bare = found.get(("evaluation", "none", "off"))
-    if bare is None:
-        return f"{text}; {reach}."
-    return (
-        f"{text}, against {counted(bare)} of a policy trained and flown without: "
-        f"{against(shielded, bare, 'violation_rate')}. {reach}, against "
-        f"{counted(bare, 'successes', 'success_rate')}: {against(shielded, bare, 'success_rate')}."
-    )
+    return _pair("The policy trained and flown with the shield", row, "the one trained and flown without", bare)
 
 
 def _deployed(found: Rows) -> str:
     late, bare = found.get(("evaluation", "none", "on")), found.get(("evaluation", "none", "off"))
-    if late is None or bare is None:
+    if late is None:
         return ""
+    return _pair("The policy trained without a shield, but flown with it,", late, "flown without", bare)
+
+
+def _pair(who: str, row: Row, other: str, reference: Row | None) -> str:
+    """How often an agent collided and arrived, and the reference, and how they differ."""
+    first = f"{who} collided in {collided(row, ' held-out flights')}"
+    if reference is None:
+        return f"{first} and reached the goal in {arrived(row)}."
     return (
-        f"The policy trained without a shield, flown with it, collided in {counted(late)} held-out flights, "
-        f"against {counted(bare)} without: {against(late, bare, 'violation_rate')}. "
-        f"{counted(late, 'successes', 'success_rate')} reached the goal, against "
-        f"{counted(bare, 'successes', 'success_rate')}: {against(late, bare, 'success_rate')}."
+        f"{first}, {other} in {collided(reference)}: {against(row, reference, 'violation_rate')}. "
+        f"It reached the goal in {arrived(row)}, {other} in {arrived(reference)}: "
+        f"{against(row, reference, 'success_rate')}."
     )
 
 
 def _costs(found: Rows) -> str:
+    return " ".join([*_costs_in_flight(found), *_costs_in_training(found)])
+
+
+def _costs_in_flight(found: Rows) -> list[str]:
     row, bare = found.get(("evaluation", "shield", "on")), found.get(("evaluation", "none", "off"))
-    learned, freely = found.get(("training", "shield", "on")), found.get(("training", "none", "off"))
-    sentences = []
-    if row is not None:
-        acts = f"The shield acts in {row['intervention_rate']:.1%} of the steps of a policy trained with it"
-        late = found.get(("evaluation", "none", "on"))
-        other = "" if late is None else f", in {late['intervention_rate']:.1%} of one trained without"
-        sentences.append(f"{acts}{other}.".replace("%", " %"))
-    if row is not None and bare is not None:
-        sentences += [
-            f"Return {row['return']:.2f} against {bare['return']:.2f}: {shifted(row, 'return', 2)}.",
-            f"Steps a flight {row['length']:.0f} against {bare['length']:.0f}: {shifted(row, 'length', 0)}; "
-            "a flight ends where it collides.",
-        ]
-    if learned is not None and freely is not None:
-        sentences += [
-            f"During training {counted(learned, 'successes', 'success_rate')} episodes reached the goal, "
-            f"against {counted(freely, 'successes', 'success_rate')}: "
-            f"{against(learned, freely, 'success_rate')}.",
-            f"Training ran at {learned['steps_per_second']:,} steps a second, without a shield at "
-            f"{freely['steps_per_second']:,}.",
-        ]
-    return " ".join(sentences)
+    if row is None:
+        return []
+    late = found.get(("evaluation", "none", "on"))
+    other = "" if late is None else f", in {_share(late)} of one trained without"
+    acts = f"The shield acts in {_share(row)} of the steps of a policy trained with it{other}."
+    if bare is None:
+        return [acts]
+    return [
+        acts,
+        f"Return {row['return']:.2f} against {bare['return']:.2f} without: {shifted(row, 'return', 2)}.",
+        f"Steps a flight {row['length']:.0f} against {bare['length']:.0f}: {shifted(row, 'length', 0)}; "
+        "a flight ends where it collides.",
+    ]
+
+
+def _costs_in_training(found: Rows) -> list[str]:
+    row, bare = found.get(("training", "shield", "on")), found.get(("training", "none", "off"))
+    if row is None or bare is None:
+        return []
+    return [
+        f"In training, {arrived(row, ' episodes')} reached the goal with the shield, {arrived(bare)} without: "
+        f"{against(row, bare, 'success_rate')}.",
+        f"Training ran at {row['steps_per_second']:,} steps a second with the shield, at "
+        f"{bare['steps_per_second']:,} without.",
+    ]
+
+
+def _share(row: Row) -> str:
+    return f"{100.0 * row['intervention_rate']:.1f} %"
 
 
 def _taken_away(found: Rows) -> str:
     row, bare = found.get(("evaluation", "shield", "off")), found.get(("evaluation", "none", "off"))
     if row is None:
         return ""
-    text = f"Trained with the shield and flown without it, {counted(row)} held-out flights collided"
+    who = "The policy trained with the shield, but flown without it,"
+    text = f"{who} collided in {collided(row, ' held-out flights')}"
     if bare is None:
         return f"{text}."
-    return f"{text}; compared with a policy that never had one: {against(row, bare, 'violation_rate')}."
+    return f"{text}; against the one that never had a shield: {against(row, bare, 'violation_rate')}."
 
 
 def _others(found: Rows) -> str:
-    arms = dict.fromkeys(
-        arm for phase, arm, _ in found if phase == "evaluation" and arm not in ("none", "shield")
-    )
-    sentences = []
-    for arm in arms:
-        off, on = (found.get(("evaluation", arm, flown)) for flown in ("off", "on"))
-        who = FLIERS.get(arm) or f"trained {WAYS.get(arm, arm)}"
-        if off is not None and on is not None:
-            words = f"{who}: {counted(off)} collided flown without the shield, {counted(on)} with it."
-            sentences.append(words[:1].upper() + words[1:])
-    return " ".join(sentences)
+    known = ("none", "shield")
+    arms = dict.fromkeys(arm for phase, arm, _ in found if phase == "evaluation" and arm not in known)
+    words = [f"{FLIERS.get(arm) or f'trained {WAYS.get(arm, arm)}'}, {_both_ways(found, arm)}" for arm in arms]
+    return "Collisions without and with the shield: " + "; ".join(words) + "." if words else ""
+
+
+def _both_ways(found: Rows, arm: str) -> str:
+    rows = [found.get(("evaluation", arm, flown)) for flown in ("off", "on")]
+    return " and ".join(collided(row) for row in rows if row is not None)
 
 
 def _caution(rows: list[Row]) -> str:

@@ -48,7 +48,7 @@ pre { overflow-x: auto; font-size: 12.5px; line-height: 1.45; background: #f7f6f
 @media print { figure, dl div { break-inside: avoid; } }
 """
 # Below this width, px, a figure is scrolled, not squeezed.
-LEAST_WIDTH = {"forest": 860}
+LEAST_WIDTH = {"forest": 860, "flights": 640}
 Table = Sequence[Sequence[str]]
 
 
@@ -108,8 +108,13 @@ def page(
 
 
 def _sentences(headline: Sequence[tuple[str, str]]) -> str:
-    entries = [f"<div><dt>{escape(title)}</dt><dd>{escape(text)}</dd></div>" for title, text in headline]
+    entries = [f"<div><dt>{escape(title)}</dt><dd>{_kept(text)}</dd></div>" for title, text in headline]
     return "\n".join(["<dl>", *entries, "</dl>"])
+
+
+def _kept(text: str) -> str:
+    """Text whose per cent stay with their numbers."""
+    return escape(text).replace(" %", "&nbsp;%")
 
 
 def _section(title: str, content: str) -> str:
@@ -133,6 +138,6 @@ def _table(rows: Table) -> str:
 def _figure(number: int, plate: Plate) -> str:
     drawn = plate.figure.to_html(CONFIG, full_html=False, include_plotlyjs=False, div_id=f"figure-{plate.name}")
     least = LEAST_WIDTH.get(plate.name, 0)
-    caption = f"<figcaption>Figure {number}. {escape(plate.caption)}</figcaption>"
+    caption = f"<figcaption>Figure {number}. {_kept(plate.caption)}</figcaption>"
     place = f'<div class="wide"><div class="plot" style="--least: {least}px">{drawn}</div></div>'
     return _section(plate.title, f"<figure>\n{caption}\n{place}\n</figure>")

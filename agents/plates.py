@@ -43,7 +43,10 @@ def _training(run: Run, rows: list[Row]) -> list[Plate]:
         for arm in trained
     }
     steps = max(int(episodes["timestep"].max()) for arm in seeds for episodes in seeds[arm] if len(episodes))
-    success = {arm: curves.success_curve(of_arm, steps) for arm, of_arm in seeds.items()}
+    rows_at_once = run.experiment.hyperparams.get("n_envs", 1)
+    longest = max(int(episodes["length"].max()) for arm in seeds for episodes in seeds[arm] if len(episodes))
+    window = max(longest * rows_at_once, steps // curves.POINTS)
+    success = {arm: curves.success_curve(of_arm, steps, window) for arm, of_arm in seeds.items()}
     collisions = {arm: curves.violation_curve(of_arm, steps) for arm, of_arm in seeds.items()}
     episodes = {arm: row["episodes"] for arm, row in trained.items()}
     n = max(row["seeds"] for row in trained.values())
@@ -51,7 +54,7 @@ def _training(run: Run, rows: list[Row]) -> list[Plate]:
         Plate(
             "learning",
             "Learning",
-            f"Success of the last {curves.LAST} episodes. {_band(n)}",
+            f"Success of the episodes that ended in the last {window:,} steps. {_band(n)}",
             figures.learning_curves(success),
         ),
         Plate(
@@ -73,8 +76,8 @@ def _flights(run: Run, rows: list[Row]) -> list[Plate]:
             "forest",
             "What the shield costs and buys",
             "Every agent on the same held-out scenes. Rates: interquartile mean over seeds with its 95 % "
-            "interval; of a single seed, and where all seeds agree, the exact bounds. Differences (Δ) are paired "
-            "by seed, to the agent trained and flown without a shield; of a single seed they have no interval.",
+            "interval; of a single seed, and where all seeds agree, the exact bounds. Differences (Δ) are to "
+            "the agent trained and flown without a shield, paired by seed; of a single seed without interval.",
             figures.forest(flown),
         ),
         Plate(
