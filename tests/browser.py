@@ -33,11 +33,11 @@ class Browser:
     def __init__(self, executable: str, profile: Path):
         theirs_in, self._write = os.pipe()
         self._read, theirs_out = os.pipe()
-        # The browser reads file 3 and writes file 4.
+        # The browser reads file 3 and writes file 4; other shells know no files above 9.
         command = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'
         arguments = [executable, *QUIET, f"--user-data-dir={profile}", "--remote-debugging-pipe", "about:blank"]
         self._process = subprocess.Popen(
-            ["sh", "-c", command, "sh", *arguments],
+            ["bash", "-c", command, "bash", *arguments],
             pass_fds=(theirs_in, theirs_out),
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -115,12 +115,10 @@ class Browser:
 
     @property
     def requests(self) -> list[str]:
-        """Addresses that were asked for."""
-        return [
-            event["params"]["request"]["url"]
-            for event in self._events
-            if event.get("method") == "Network.requestWillBeSent"
-        ]
+        """Addresses that were asked for, but those that hold their own data."""
+        sent = [event["params"] for event in self._events if event.get("method") == "Network.requestWillBeSent"]
+        urls = [parameters["request"]["url"] for parameters in sent]
+        return [url for url in urls if not url.startswith(("data:", "blob:"))]
 
     def _message(self):
         while b"\0" not in self._rest:
