@@ -47,13 +47,10 @@ def violations(curves: Mapping[str, Curve], episodes: Mapping[str, int]) -> go.F
         _add_curve(figure, arm, curve, DASHES[clean.index(arm) % len(DASHES)] if arm in clean else SOLID)
     top = max((np.nanmax([*curve.middle, *curve.high]) for curve in curves.values()), default=0.0) or 1.0
     if clean:
-        total = sum(episodes[arm] for arm in clean)
-        figure.add_annotation(
-            text=f"0 collisions in {total:,} episodes with the shield"
-            if _all_shielded(clean)
-            else f"0 in {total:,}",
-            **{"x": 1, "xref": "paper", "xanchor": "right", "y": 0, "yanchor": "top", "showarrow": False},
-        )
+        with_what = " with the shield" if all(ARMS[arm].is_shielded for arm in clean) else ""
+        text = f"0 collisions in {sum(episodes[arm] for arm in clean):,} episodes{with_what}"
+        place = {"x": 1, "xref": "paper", "xanchor": "right", "y": 0, "yanchor": "top"}
+        figure.add_annotation(text=text, font={"size": 12}, showarrow=False, **place)
     return figure.update_yaxes(range=[-0.09 * top, 1.05 * top])
 
 
@@ -72,9 +69,7 @@ def clearances(flights: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> go.F
     figure.update_yaxes(title_text="flights below, %", range=[-3.0, 103.0])
     figure.update_xaxes(title_text="least clearance of a flight, m", row=2, col=1)
     figure.update_layout(legend={"y": 1.08})
-    for title in figure.layout.annotations:
-        title.update(x=0, xanchor="left", font={"size": 14, "color": QUIET})
-    return figure
+    return figure.update_annotations(x=0, xanchor="left", font={"size": 14, "color": QUIET})
 
 
 def forest(rows: list[Row]) -> go.Figure:
@@ -111,10 +106,6 @@ def _add_curve(figure: go.Figure, arm: str, curve: Curve, dash: str = SOLID) -> 
     figure.add_scatter(x=curve.steps, y=curve.middle, mode="lines", line=line, showlegend=False, **common)
     # In the legend every line is whole.
     figure.add_scatter(x=[None], y=[None], mode="lines", line={"color": color, "width": WIDTH}, **common)
-
-
-def _all_shielded(arms: list[str]) -> bool:
-    return all(ARMS[arm].is_shielded for arm in arms)
 
 
 def _distribution(arm: str, clearance: NDArray[np.float64], is_in_legend: bool) -> go.Scatter:

@@ -12,7 +12,7 @@ from agents.trace import AXES, Trace, vectors
 
 AROUND, DOWN = 48, 24  # vertices of a sphere
 LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
-EYE_DISTANCE, EYE_HEIGHT = 1.5, 0.5  # of the camera, in units of plotly
+EYE_DISTANCE, EYE_HEIGHT = 1.75, 0.6  # of the camera, in units of plotly
 
 
 def flights(trace: Trace) -> go.Figure:
@@ -23,11 +23,11 @@ def flights(trace: Trace) -> go.Figure:
     figure.add_trace(spheres(center, scene["obstacle_radius"], "obstacle", 1.0))
     figure.add_trace(spheres(center, scene["keep_out_radius"], "keep-out sphere", 0.22))
     without, shielded = vectors(trace.without, "position"), vectors(trace.shielded, "position")
-    figure.add_trace(_path(without, "without the shield", WITHOUT, 5))
+    figure.add_trace(_path(without, "without the shield", WITHOUT, 13))
     # The last row is where the last step ended.
     acts = trace.shielded["intervened"][:-1]
-    figure.add_trace(_path(pieces(shielded, ~acts), "with the shield", SHIELDED, 8))
-    figure.add_trace(_path(pieces(shielded, acts), "the shield acts", ACTS, 8))
+    figure.add_trace(_path(pieces(shielded, ~acts), "with the shield", SHIELDED, 7))
+    figure.add_trace(_path(pieces(shielded, acts), "the shield acts", ACTS, 7))
     marks = {"start": (np.array(scene["start"]), INK), "goal": (np.array(scene["goal"]), INK)}
     hit = collision(trace)
     if hit is not None:
@@ -41,7 +41,7 @@ def flights(trace: Trace) -> go.Figure:
     return figure.update_layout(
         scene={
             "aspectmode": "data",
-            "camera": {"eye": eye},
+            "camera": {"eye": eye, "center": {"x": 0, "y": 0, "z": -0.18}},
             "dragmode": "turntable",
             "annotations": labels,
             **titles,

@@ -122,7 +122,7 @@ def _section(title: str, content: str) -> str:
 
 
 def _table(rows: Table) -> str:
-    head, *body = [[escape(cell) for cell in row] for row in rows]
+    head, *body = [[escape(cell.replace("<=", "≤").replace(">=", "≥")) for cell in row] for row in rows]
     lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in body]
     return "\n".join(
         [

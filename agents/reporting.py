@@ -15,8 +15,8 @@ RECORDS = {"config.yml": "Settings", "provenance.yml": "Versions and scenes"}
 
 
 def write_report(run: Run) -> str:
-    """Write seeds.csv, results.csv, results.txt and report.html, and return the text."""
-    with tqdm(total=4, desc="report", unit=" parts", delay=1.0, leave=False, disable=None) as bar:
+    """Write seeds.csv, results.csv, results.txt and report.html, and return the text and where the page is."""
+    with tqdm(total=4, desc="report", unit=" parts", leave=False, disable=None) as bar:
         seeds = results.seed_rows(run)
         write_table(run.folder / "seeds.csv", seeds)
         bar.update()
@@ -28,7 +28,7 @@ def write_report(run: Run) -> str:
         bar.update()
         write_text(run.folder / "report.html", report_page(run, rows))
         bar.update()
-    return text
+    return f"{text}\nWith figures: {run.folder / 'report.html'}"
 
 
 def report_page(run: Run, rows: list[results.Row]) -> str:
