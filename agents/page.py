@@ -53,6 +53,7 @@ Table = Sequence[Sequence[str]]
 
 
 def page(
+    *,
     title: str,
     subtitle: str,
     headline: Sequence[tuple[str, str]],
@@ -78,21 +79,10 @@ def page(
         _sentences(headline),
         *(_section(name, _table(rows)) for name, rows in tables.items()),
         *(_figure(i, plate) for i, plate in enumerate(plates, start=1)),
-        f'<h2>How to read the numbers</h2>\n<p class="note">{escape(note)}</p>',
-        *(
-            f"<details><summary>{escape(name)}</summary><pre>{escape(text)}</pre></details>"
-            for name, text in records.items()
-        ),
+        _section("How to read the numbers", f'<p class="note">{escape(note)}</p>'),
+        *(_folded(name, text) for name, text in records.items()),
     ]
-    head = [
-        '<meta charset="utf-8">',
-        '<meta name="viewport" content="width=device-width, initial-scale=1">',
-        # Browsers ask for an icon where a page names none.
-        '<link rel="icon" href="data:,">',
-        f"<title>{escape(title)}</title>",
-        f"<style>\n{STYLE}</style>",
-        *([f"<script>{get_plotlyjs()}</script>"] if plates else []),
-    ]
+    head = _head(title, bool(plates))
     parts = [
         "<!doctype html>",
         '<html lang="en">',
@@ -105,6 +95,22 @@ def page(
         "</html>",
     ]
     return "\n".join(parts) + "\n"
+
+
+def _head(title: str, has_figures: bool) -> list[str]:
+    return [
+        '<meta charset="utf-8">',
+        '<meta name="viewport" content="width=device-width, initial-scale=1">',
+        # Browsers ask for an icon where a page names none.
+        '<link rel="icon" href="data:,">',
+        f"<title>{escape(title)}</title>",
+        f"<style>\n{STYLE}</style>",
+        *([f"<script>{get_plotlyjs()}</script>"] if has_figures else []),
+    ]
+
+
+def _folded(title: str, text: str) -> str:
+    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
 
 
 def _sentences(headline: Sequence[tuple[str, str]]) -> str:

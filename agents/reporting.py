@@ -39,17 +39,17 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
         "Held-out flights, the same scenes for every agent": (tables.evaluation_table, "evaluation"),
     }
     return page(
-        f"{experiment.env}, without and with the shield",
-        tables.subject(run),
-        headline(rows),
-        {
+        title=f"{experiment.env}, without and with the shield",
+        subtitle=tables.subject(run),
+        headline=headline(rows),
+        tables={
             title: table(chosen)
             for title, (table, phase) in by_phase.items()
             if (chosen := [row for row in rows if row["phase"] == phase])
         },
-        plates(run, rows),
-        " ".join(tables.NOTE.split()),
-        {name: path.read_text(encoding="utf-8") for name, path in files.items() if path.exists()},
+        plates=plates(run, rows),
+        note=" ".join(tables.NOTE.split()),
+        records={name: path.read_text(encoding="utf-8") for name, path in files.items() if path.exists()},
     )
 
 

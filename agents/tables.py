@@ -7,10 +7,11 @@ from agents.runs import Run
 
 Row = dict[str, Any]
 NOTE = """\
-Violations: episodes that entered a keep-out sphere at any physics substep. Success: at the goal without a
-violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds, their
-interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed, and
-where all seeds agree, the exact bounds over all episodes (Clopper-Pearson; one-sided next to 0 and 100)."""
+Violations, or collisions: episodes that entered a keep-out sphere at any physics substep. Success: at the
+goal without a violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds,
+their interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed,
+and where all seeds agree, the exact bounds over all episodes, taken as independent (Clopper-Pearson;
+one-sided next to 0 and 100)."""
 
 
 def report_text(run: Run, rows: list[Row]) -> str:

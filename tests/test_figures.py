@@ -204,6 +204,12 @@ def test_a_run_has_the_figures_that_it_has_data_for(tmp_path):
         assert [plate.name for plate in found] == expected, name
 
 
+def test_without_a_reference_no_differences_are_drawn(tmp_path):
+    run = made_run(tmp_path, arms=("shield",), is_traced=False)
+    forest = {p.name: p for p in plates(run, results.result_rows(results.seed_rows(run)))}["forest"].figure
+    assert [axis.title.text for axis in forest.select_xaxes()] == list(figures.MEASURES.values())[:2]
+
+
 def test_steps_beyond_the_training_are_none(drawn):
     (line,) = traces(drawn["learning"].figure, name="shield", fill=None)
     assert 0.0 == line.x[0] < line.x[-1] <= STEPS
