@@ -13,10 +13,12 @@ from agents.runs import open_run
 
 FIGURES = ["learning", "violations", "forest", "clearance", "flights", "timeline"]
 CHROMIUM = shutil.which("chromium")
-# A figure is drawn when each of its lines has a path with a length, or its space a canvas with pixels.
+# What is seen of each figure: traces with a line or a point, and the objects in its space.
 MARKS = """[...document.querySelectorAll('.js-plotly-plot')].map(figure => [
     figure.id.replace('figure-', ''),
-    [...figure.querySelectorAll('.trace path, .trace .point')].filter(path => path.getTotalLength() > 1).length,
+    [...figure.querySelectorAll('.scatterlayer .trace')].filter(trace =>
+        [...trace.querySelectorAll('.js-line, .point')].some(path =>
+            path.getTotalLength() > 1 && parseFloat(getComputedStyle(path).strokeWidth) > 0)).length,
     figure._fullLayout.scene ? figure._fullLayout.scene._scene.glplot.objects.length : 0])"""
 # Spheres are grey, the collision is red: anything but the white ground is a picture.
 PAINTED = """Plotly.toImage('figure-flights', {format: 'png', width: 400, height: 300}).then(address => {
@@ -90,7 +92,7 @@ def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, 
     with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
         browser.open(run.folder / "report.html", width)
         browser.until(f"document.querySelectorAll('.js-plotly-plot .main-svg').length >= {3 * len(FIGURES)}")
-        marks = {name: (paths, objects) for name, paths, objects in browser.ask(MARKS)}
+        marks = {name: (traces, objects) for name, traces, objects in browser.ask(MARKS)}
         painted = browser.ask(PAINTED)
         pictures = [browser.screenshot(tmp_path / f"{name}.png", f"#figure-{name}") for name in FIGURES]
         browser.screenshot(tmp_path / "page.png", "body")
@@ -100,9 +102,10 @@ def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, 
     assert list(marks) == FIGURES
     # Two spheres, three paths, three points.
     assert marks.pop("flights")[1] >= 8 and painted > 0.05
-    # Lines and bands of five arms; points of seven, twice; curves of seven, twice; snaps and clearances.
-    least = {"learning": 10, "violations": 10, "forest": 28, "clearance": 14, "timeline": 8}
-    assert {name: paths for name, (paths, _) in marks.items() if paths < least[name]} == {}
+    # A line of each of five arms; of seven arms flown twice four points each, but no differences of the
+    # reference to itself, and a curve each; three snaps desired and applied, two clearances.
+    seen = {"learning": 5, "violations": 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7, "timeline": 2 * 3 + 2}
+    assert {name: traces for name, (traces, _) in marks.items()} == seen
     assert all(picture.stat().st_size > 5_000 for picture in pictures)
     assert scrolled <= width
 
