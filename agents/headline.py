@@ -59,9 +59,9 @@ def in_words(row: Row, rate: str) -> str:
 def is_shown(row: Row, other: Row, rate: str) -> bool:
     """Whether two rates differ by more than chance explains."""
     low, high = row[f"{rate}_difference_low"], row[f"{rate}_difference_high"]
-    if low is not None and low <= 0.0 <= high:
-        return False
-    return row[f"{rate}_least"] > other[f"{rate}_most"] or row[f"{rate}_most"] < other[f"{rate}_least"]
+    is_more = row[f"{rate}_least"] > other[f"{rate}_most"] and (low is None or low > 0.0)
+    is_less = row[f"{rate}_most"] < other[f"{rate}_least"] and (high is None or high < 0.0)
+    return is_more or is_less
 
 
 def against(row: Row, reference: Row, rate: str) -> str:
