@@ -106,6 +106,21 @@ def flights(run: Run, arm: str, seed: int, is_shielded: bool) -> NDArray[np.void
     return every[every["shield"] == is_shielded]
 
 
+def clearances(run: Run, arm: str) -> dict[str, NDArray[np.float64]]:
+    """The least clearance of each held-out flight of an arm, over all seeds, m, flown "off" and "on"."""
+    seeds = _seeds(run, arm, run.is_done)
+    ways = {"off": False, "on": True}
+    return {
+        flown: np.concatenate([flights(run, arm, seed, is_shielded)["clearance"] for seed in seeds])
+        for flown, is_shielded in ways.items()
+    }
+
+
+def trained_seeds(run: Run, arm: str) -> list[int]:
+    """The seeds with which an arm has finished its training; none of an arm that learns nothing."""
+    return _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job))
+
+
 def _trained(run: Run, arm: str) -> list[Row]:
     flown = "on" if ARMS[arm].is_shielded else "off"
     return [
@@ -117,7 +132,7 @@ def _trained(run: Run, arm: str) -> list[Row]:
             **read_json(run.folder_of(arm, seed) / "training.json"),
             **summary(training_episodes(run, arm, seed)),
         }
-        for seed in _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job))
+        for seed in trained_seeds(run, arm)
     ]
 
 

@@ -219,13 +219,19 @@ def read_json(path: Path) -> Any:
 
 
 def read_csv(path: Path, dtype: np.dtype) -> NDArray[np.void]:
-    """The columns of a CSV file that ``dtype`` names, as a structured array."""
+    """The columns of a CSV file that ``dtype`` names, as a structured array; an empty number is NaN."""
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     table = np.zeros(len(rows), dtype)
     for name in dtype.names or ():
         values = [row[name] for row in rows]
-        table[name] = [value == "True" for value in values] if dtype[name].kind == "b" else values
+        match dtype[name].kind:
+            case "b":
+                table[name] = [value == "True" for value in values]
+            case "f":
+                table[name] = [value or "nan" for value in values]
+            case _:
+                table[name] = values
     return table
 
 

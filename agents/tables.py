@@ -1,33 +1,40 @@
 """The comparison as a text of 100 columns."""
 
+import math
 from typing import Any
 
 from agents.runs import Run
 
 Row = dict[str, Any]
 NOTE = """\
-Violations: episodes that entered a keep-out sphere at any physics substep. Success: at the goal without a
-violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds, their
-interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed, and
-next to 0 and 100, the exact bounds over all episodes (Clopper-Pearson; one-sided next to 0 and 100)."""
+Violations, or collisions: episodes that entered a keep-out sphere at any physics substep. Success: at the
+goal without a violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds,
+their interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed,
+and where all seeds agree, the exact bounds over all episodes, taken as independent (Clopper-Pearson;
+one-sided next to 0 and 100)."""
 
 
 def report_text(run: Run, rows: list[Row]) -> str:
     """The tables of training and evaluation."""
     experiment = run.experiment
-    seeds = experiment.seeds
-    which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    parts = [f"{experiment.env}, {experiment.action} commands, {experiment.algo}, {which}, in {run.folder}"]
+    parts = [f"{experiment.env}, {subject(run)}, in {run.folder}"]
     training = [row for row in rows if row["phase"] == "training"]
     evaluation = [row for row in rows if row["phase"] == "evaluation"]
     if training:
         title = f"Training, {experiment.n_timesteps:,} steps a seed"
-        parts.append(f"{title}\n{aligned(_training_table(training))}")
+        parts.append(f"{title}\n{aligned(training_table(training))}")
     if evaluation:
         scenes = max(row["episodes"] // row["seeds"] for row in evaluation)
         title = f"Evaluation: every agent on the same {scenes:,} held-out scenes, without and with shield"
-        parts.append(f"{title}\n{aligned(_evaluation_table(evaluation))}")
+        parts.append(f"{title}\n{aligned(evaluation_table(evaluation))}")
     return "\n\n".join([*parts, NOTE]) + "\n"
+
+
+def subject(run: Run) -> str:
+    """What was compared, in a few words."""
+    seeds = run.experiment.seeds
+    which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
+    return f"{run.experiment.action} commands, {run.experiment.algo}, {which}"
 
 
 def aligned(rows: list[list[str]]) -> str:
@@ -45,29 +52,56 @@ def percentage(row: Row, rate: str) -> str:
     value = row[rate]
     if value is None:
         return "-"
-    if value == 0.0 and row[f"{rate}_least"] == 0.0:
-        return f"0 [<= {_digits(row[f'{rate}_most'])}]"
-    if value == 1.0 and row[f"{rate}_most"] == 1.0:
-        return f"100 [>= {_digits(row[f'{rate}_least'])}]"
-    ends = ("least", "most") if row[f"{rate}_low"] is None else ("low", "high")
-    low, high = (_digits(row[f"{rate}_{end}"]) for end in ends)
-    return f"{_digits(value)} [{low}, {high}]"
+    if row[f"{rate}_least"] == 0.0:
+        return f"0 [<= {at_most(row[f'{rate}_most'])}]"
+    if row[f"{rate}_most"] == 1.0:
+        return f"100 [>= {at_least(row[f'{rate}_least'])}]"
+    low, high = interval(row, rate)
+    return f"{digits(value)} [{digits(low)}, {digits(high)}]"
 
 
-def _digits(rate: float) -> str:
+def interval(row: Row, rate: str) -> tuple[float, float]:
+    """The ends of the interval of a rate: of the bootstrap over seeds, or the exact ones.
+
+    The exact ones of a single seed and where all seeds agree: there the bootstrap is blind.
+    """
+    low, high = row[f"{rate}_low"], row[f"{rate}_high"]
+    if low is None or low == high:
+        return row[f"{rate}_least"], row[f"{rate}_most"]
+    return low, high
+
+
+def digits(rate: float) -> str:
+    """A rate in per cent, with two digits next to 0 and 100."""
     percent = 100.0 * rate
+    if percent in (0.0, 100.0):
+        return f"{percent:.0f}"
     return f"{percent:.2f}" if percent < 1.0 or percent > 99.0 else f"{percent:.1f}"
+
+
+def at_most(bound: float) -> str:
+    """An upper bound in per cent, rounded up."""
+    places = 2 if bound < 0.01 else 1
+    return f"{math.ceil(round(bound * 10 ** (places + 2), 6)) / 10**places:.{places}f}"
+
+
+def at_least(bound: float) -> str:
+    """A lower bound in per cent, rounded down."""
+    places = 2 if bound > 0.99 else 1
+    return f"{math.floor(round(bound * 10 ** (places + 2), 6)) / 10**places:.{places}f}"
 
 
 CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
 
 
-def _training_table(rows: list[Row]) -> list[list[str]]:
+def training_table(rows: list[Row]) -> list[list[str]]:
+    """Cells of the trainings, under their heads."""
     body = [[row["title"], *_cells(row), f"{row['steps_per_second']:,}"] for row in rows]
     return [["trained with", *CELLS, "steps/s"], *body]
 
 
-def _evaluation_table(rows: list[Row]) -> list[list[str]]:
+def evaluation_table(rows: list[Row]) -> list[list[str]]:
+    """Cells of the held-out flights, under their heads."""
     body = [[row["title"], "shield" if row["flown"] == "on" else "no shield", *_cells(row)] for row in rows]
     return [["trained with", "flown with", *CELLS], *body]
 

@@ -4,12 +4,15 @@ The scene is the first in which an agent, flown without the shield, collided. ``
 policy step, ``trace.json`` tells the scene and who flew.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from agents.arms import ARMS
 from agents.build import make_env, of_arm
 from agents.evaluate import FLIGHT, agent_of
-from agents.runs import Run, read_csv, write_csv, write_json
+from agents.runs import Run, read_csv, read_json, write_csv, write_json
 
 AXES = "xyz"
 # Position before a step; the snaps of its last control period, which only a shield tells; the least clearance.
@@ -23,6 +26,28 @@ HEADER = (
     "clearance",
 )
 NO_SNAPS = ("",) * 6
+STEP = np.dtype([(name, "?" if name in ("shield", "intervened") else "f8") for name in HEADER])
+
+
+class Trace(NamedTuple):
+    """One scene, flown without and with the shield; a row is a policy step, the last one where it ended."""
+
+    scene: dict[str, Any]
+    without: NDArray[np.void]
+    shielded: NDArray[np.void]
+
+
+def read_trace(run: Run) -> Trace | None:
+    """The trace in a run folder, None where there is none."""
+    if not (run.folder / "trace.json").exists():
+        return None
+    steps = read_csv(run.folder / "trace.csv", STEP)
+    return Trace(read_json(run.folder / "trace.json"), steps[~steps["shield"]], steps[steps["shield"]])
+
+
+def vectors(steps: NDArray[np.void], name: str) -> NDArray[np.float64]:
+    """The columns ``name_x``, ``name_y``, ``name_z`` of a trace, (N, 3)."""
+    return np.stack([steps[f"{name}_{axis}"] for axis in AXES], axis=-1)
 
 
 def write_trace(run: Run) -> None:
