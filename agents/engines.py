@@ -96,8 +96,13 @@ def engine_of(options: Options, n_jobs: int) -> Engine:
         from agents.cluster import RayTasks
 
         return RayTasks(options.address)
-    count = min(options.n_jobs or len(os.sched_getaffinity(0)), n_jobs)
+    count = at_a_time(options, n_jobs)
     return Processes(count) if count > 1 else InThisProcess()
+
+
+def at_a_time(options: Options, n_jobs: int) -> int:
+    """How many of ``n_jobs`` jobs this machine does at a time."""
+    return min(options.n_jobs or len(os.sched_getaffinity(0)), n_jobs)
 
 
 def attempt(run: Run, job: Job, options: Options) -> str:
