@@ -19,10 +19,10 @@ def train(command: Train) -> int:
 
     with errors_as_sentences():
         algorithms.check_device(command.options.device)
+        engine = engines.engine_of(command.options)
         experiment = build.checked(command.experiment)
         run = runs.begin(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
-        engine = engines.engine_of(command.options, len(jobs))
         with engines.StopRequest(run.stop_file) as stop, display.Display(run, jobs, command.options):
             failures = engine.run(run, jobs, command.options)
 
