@@ -7,6 +7,7 @@ import io
 import logging
 import os
 import platform
+import re
 import secrets
 import socket
 import sys
@@ -35,8 +36,8 @@ class RayTasks:
     """Each job is a task of one CPU; if its node dies, it goes on at another one.
 
     Args:
-        address: HOST:PORT of a cluster that this machine is a node of; None to start Ray on this machine, for as long
-            as the jobs take.
+        address: HOST:PORT of a cluster that this machine is a node of; None to start Ray on this machine, for
+            as long as the jobs take.
 
     Raises:
         ValueError: if Ray is not installed, or the address is none.
@@ -67,8 +68,9 @@ class RayTasks:
             self._ray.init("local", num_cpus=count, include_dashboard=False, object_store_memory=STORE, **quiet)
             return
         try:
+            host, port = self._address.split(":")
             # Ray itself would try for minutes.
-            socket.create_connection(self._address.rsplit(":", 1), PATIENCE).close()
+            socket.create_connection((host, int(port)), PATIENCE).close()
             self._ray.init(self._address, **quiet)
         except (OSError, self._ray.exceptions.RayError) as error:
             raise ConnectionError(
@@ -134,8 +136,7 @@ def _absolute(run: Run, options: Options) -> tuple[Run, Options]:
 
 
 def _checked(address: str) -> str:
-    host, _, port = address.rpartition(":")
-    if not host or "/" in host or not port.isdecimal():
+    if not re.fullmatch(r"[^:/]+:\d+", address):
         raise ValueError(f"address must be HOST:PORT, got {address!r}")
     return address
 
