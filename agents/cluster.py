@@ -73,9 +73,10 @@ class RayTasks:
             socket.create_connection((host, int(port)), PATIENCE).close()
             self._ray.init(self._address, **quiet)
         except (OSError, self._ray.exceptions.RayError) as error:
+            reason = str(error).partition(". ")[0]
             raise ConnectionError(
                 "address must be of a Ray cluster that this machine is a node of and has the token of "
-                f"(RAY_AUTH_TOKEN or ~/.ray/auth_token), got {self._address!r}: {error}"
+                f"(RAY_AUTH_TOKEN or ~/.ray/auth_token), got {self._address!r}: {reason}"
             ) from error
 
     def _do(self, run: Run, options: Options, jobs: Sequence[Job]) -> dict[Job, str]:
