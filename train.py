@@ -18,11 +18,11 @@ def train(command: Train) -> int:
     from agents import algorithms, build, display, engines, provenance, reporting, runs, trace
 
     with errors_as_sentences():
+        engine = engines.engine_of(command.options)
         experiment = build.checked(command.experiment)
         algorithms.check(experiment, command.options)
         run = runs.begin(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
-        engine = engines.engine_of(command.options, len(jobs))
         with engines.StopRequest(run.stop_file) as stop, display.Display(run, jobs, command.options):
             failures = engine.run(run, jobs, command.options)
 

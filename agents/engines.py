@@ -90,14 +90,32 @@ class Processes:
         return Started(job, process, answers)
 
 
-def engine_of(options: Options, n_jobs: int) -> Engine:
-    """What runs ``n_jobs`` jobs under these options."""
+class ThisMachine:
+    """Several jobs in processes of their own, a single one in this process."""
+
+    def run(self, run: Run, jobs: Sequence[Job], options: Options) -> dict[Job, str]:
+        """Do the jobs; what could not be done, and why."""
+        count = at_a_time(options, len(jobs))
+        engine = Processes(count) if count > 1 else InThisProcess()
+        return engine.run(run, jobs, options)
+
+
+def engine_of(options: Options) -> Engine:
+    """What runs jobs under these options.
+
+    Raises:
+        ValueError: if it cannot run here.
+    """
     if options.engine == "ray":
         from agents.cluster import RayTasks
 
         return RayTasks(options.address)
-    count = min(options.n_jobs or len(os.sched_getaffinity(0)), n_jobs)
-    return Processes(count) if count > 1 else InThisProcess()
+    return ThisMachine()
+
+
+def at_a_time(options: Options, n_jobs: int) -> int:
+    """How many of ``n_jobs`` jobs this machine does at a time."""
+    return min(options.n_jobs or len(os.sched_getaffinity(0)), n_jobs)
 
 
 def attempt(run: Run, job: Job, options: Options) -> str:
