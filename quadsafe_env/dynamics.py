@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, positive_number, shaped_array
+from quadsafe_core.checks import finite_array, output_array, positive_number, shaped_array
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import (
     LANES,
@@ -197,7 +197,12 @@ def derivative(state: ArrayLike, wrench: ArrayLike, params: "QuadrotorParams | s
 
 
 def step(
-    state: ArrayLike, wrench: ArrayLike, params: "QuadrotorParams | str", dt: float
+    state: ArrayLike,
+    wrench: ArrayLike,
+    params: "QuadrotorParams | str",
+    dt: float,
+    *,
+    out: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
     """The state after ``dt`` under a held wrench: one Runge–Kutta step of order 4.
 
@@ -208,12 +213,16 @@ def step(
         wrench: (…, 4), F_z in N/s², then the torque in the body frame, N m.
         params: parameters or the name of a preset.
         dt: step, s.
+        out: (…, 20), C-ordered float64, to write the result into; ``state`` itself, or apart from it. None for
+            a fresh array.
 
     Returns:
-        State, (…, 20).
+        State, (…, 20); ``out`` if it is given.
 
     Raises:
-        ValueError: for wrong shapes, non-finite numbers or dt <= 0.
+        TypeError: if ``out`` is no such array.
+        ValueError: for wrong shapes, non-finite numbers or dt <= 0; or if ``out`` overlaps another argument.
+            After non-finite numbers, ``out`` is undefined. Where it is ``state``, an overflow raises too.
 
     Reference: equation (29).
     """
@@ -221,8 +230,21 @@ def step(
         state=shaped_array("state", state, (STATE_SIZE,)),
         wrench=shaped_array("wrench", wrench, (WRENCH_SIZE,)),
     )
-    out = aligned_rows(*states.shape)
-    if not step_batch(states, wrenches, tuple(params_from(params)), positive_number("dt", dt), out):
-        finite_array("state", state)
+    if out is None:
+        after = aligned_rows(*states.shape)
+    else:
+        after = _rows_of(out, (*leading, STATE_SIZE), states, wrenches, is_in_place=out is state)
+    is_finite = step_batch(states, wrenches, tuple(params_from(params)), positive_number("dt", dt), after)
+    if not is_finite:
+        # The wrench first, as ``out`` may have been written over the state.
         finite_array("wrench", wrench)
-    return out.reshape(*leading, STATE_SIZE)
+        finite_array("state", state)
+    return after.reshape(*leading, STATE_SIZE) if out is None else out
+
+
+def _rows_of(out, shape, states, wrenches, is_in_place: bool) -> NDArray[np.float64]:
+    """``out`` as rows (N, 20)."""
+    rows = output_array("out", out, shape).reshape(states.shape)
+    if np.may_share_memory(rows, wrenches) or (not is_in_place and np.may_share_memory(rows, states)):
+        raise ValueError("out must be state itself, or share no memory with state and wrench")
+    return rows
