@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from quadsafe_core.jit import kernel
-from quadsafe_env.dynamics import derivative, orthonormal, rk4_step, step, step_batch
+from quadsafe_env.dynamics import derivative, step, step_batch
 from quadsafe_env.params import PRESETS
+from quadsafe_env.rigid_body import orthonormal, rk4_step
 from quadsafe_env.state import (
     ATTITUDE,
     OMEGA,
