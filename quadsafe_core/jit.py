@@ -81,10 +81,13 @@ def _numba_cache_in(folder: Path) -> Iterator[None]:
 
 
 class _Linked(JITCodeLibrary):
-    """Code that is there to be linked into other code: optimised and made machine code there, as part of it."""
+    """Code that is only linked into other code: optimised in full, and made machine code, as part of that."""
 
     def _optimize_final_module(self):
-        pass
+        passes, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
+        )
+        passes.run(self._final_module, builder)
 
     def _finalize_final_module(self):
         self._finalize_dynamic_globals()
