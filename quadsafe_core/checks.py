@@ -23,10 +23,26 @@ def shaped_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()
         array = value
     else:
         array = _as_array(name, value)
-    if not _ends_in(array.shape, trailing):
+    if array.shape[-len(trailing) :] != trailing and not _ends_in(array.shape, trailing):
         wanted = ", ".join(["…", *map(str, trailing)])
         raise ValueError(f"{name} must have shape ({wanted}), got {array.shape}")
     return array
+
+
+def output_array(name: str, value: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """``value`` if results of this shape can be written into it as it is."""
+    if not (isinstance(value, np.ndarray) and value.dtype == FLOAT and value.flags.carray):
+        raise TypeError(f"{name} must be a writeable C-ordered array of float64, got {_kind(value)}")
+    if value.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {value.shape}")
+    return value
+
+
+def _kind(value: object) -> str:
+    if not isinstance(value, np.ndarray):
+        return repr(value)
+    shape, flags = value.shape, value.flags
+    return f"{value.dtype} of shape {shape}, C-ordered: {flags.c_contiguous}, writeable: {flags.writeable}"
 
 
 def _as_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -88,7 +104,5 @@ def _first_non_finite(array: NDArray) -> str:
 def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
     if len(shape) < len(trailing):
         return False
-    if shape[len(shape) - len(trailing) :] == trailing:
-        return True
     found = shape[len(shape) - len(trailing) :]
     return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))

@@ -1,4 +1,4 @@
-"""The decorators of every kernel, and where their compiled code is kept.
+"""The decorators of every kernel, how kernels call each other, and where their compiled code is kept.
 
 Numba looks only at a function's own file when it decides whether a cached compilation is fresh: edit a
 callee in another file and the caller keeps the old code. So the cache lives in a folder keyed by a hash
@@ -10,12 +10,14 @@ import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable)
@@ -78,40 +80,95 @@ def _numba_cache_in(folder: Path) -> Iterator[None]:
         setattr(config, CACHE_SETTING, before)
 
 
-def _compiled(function: F, **options) -> F:
+class _Linked(JITCodeLibrary):
+    """Code that is only linked into other code: optimised in full, and made machine code, as part of that."""
+
+    def _optimize_final_module(self):
+        passes, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
+        )
+        passes.run(self._final_module, builder)
+
+    def _finalize_final_module(self):
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _IntoCallers(Compiler):
+    """Compiles a kernel for other kernels only."""
+
+    def __init__(self, typingctx, targetctx, _library, *rest):
+        super().__init__(typingctx, targetctx, _Linked(targetctx.codegen(), "linked"), *rest)
+        self.state.flags.no_compile = True
+
+    def compile_extra(self, func):
+        # Callers find a kernel by what stands in place of its machine code.
+        result = super().compile_extra(func)
+        result = result._replace(entry_point=result.fndesc)
+        self.state.targetctx.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        return result
+
+
+class _Callee(CPUDispatcher):
+    """A kernel as other kernels see it."""
+
+    def add_overload(self, cres):
+        """Keep what was compiled, and out of the table of what Python can call."""
+        self.overloads[tuple(cres.signature.args)] = cres
+
+
+class _Kernel(CPUDispatcher):
+    """A kernel, machine code only where Python calls it.
+
+    Numba would optimise each kernel with all that it calls, make machine code of it, and cache that, on every
+    level of calls: that took longer than everything else.
+    """
+
+    is_inlined = False
+
+    @cached_property
+    def _callee(self) -> Any:
+        inlined = {"forceinline": True} if self.is_inlined else {}
+        callee = _njit(self.py_func, pipeline_class=_IntoCallers, no_cpython_wrapper=True, **inlined)
+        callee.__class__ = _Callee
+        return callee
+
+    def get_call_template(self, args, kws):
+        """How another kernel calls this one."""
+        return self._callee.get_call_template(args, kws)
+
+    def get_overload(self, sig):
+        """What another kernel is linked with."""
+        return self._callee.get_overload(sig)
+
+
+def _njit(function: Callable, **options: Any) -> Any:
+    return cast(Any, numba.njit)(error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+
+
+def _compiled(function: Callable, is_inlined: bool) -> Any:
     room = function.__module__.partition(".")[0]
     folder = _folder_of(room) if room in REACH else None
     if folder is None:
-        return cast(F, numba.njit(error_model="numpy", **options)(function))
-    with _numba_cache_in(folder):
-        return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
+        compiled = _njit(function)
+    else:
+        with _numba_cache_in(folder):
+            compiled = _njit(function, cache=True)
+    # With the JIT off it is the function itself.
+    if isinstance(compiled, CPUDispatcher):
+        kernel = cast(Any, compiled)
+        kernel.__class__, kernel.is_inlined = _Kernel, is_inlined
+    return compiled
 
 
 def kernel(function: F) -> F:
     """Compile a scalar kernel or a loop over rows: cached, IEEE division, no fastmath."""
-    return _compiled(function, no_cfunc_wrapper=True)
-
-
-class _Inlined(CPUDispatcher):
-    """A helper compiled only into its callers; called from Python, it is compiled once more."""
-
-    twin: Callable | None = None
-
-    def __call__(self, *args):
-        if self.twin is None:
-            self.twin = numba.njit(error_model="numpy")(self.py_func)
-        return self.twin(*args)
+    return _compiled(function, is_inlined=False)
 
 
 def inline_kernel(function: F) -> F:
-    """Compile a small helper that is always inlined into the kernel that calls it.
-
-    The code that would let Python call it takes longer to compile than the helper itself.
-    """
-    inlined = _compiled(function, forceinline=True, no_cfunc_wrapper=True, no_cpython_wrapper=True)
-    if isinstance(inlined, CPUDispatcher):
-        cast(Any, inlined).__class__ = _Inlined
-    return cast(F, inlined)
+    """Compile a small helper that is always inlined into the kernel that calls it."""
+    return _compiled(function, is_inlined=True)
 
 
 @contextmanager

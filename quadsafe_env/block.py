@@ -19,9 +19,9 @@ import numpy as np
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import LANES, I, U, new_block, wide_vectors
 from quadsafe_core.vec3 import subtract
-from quadsafe_env.dynamics import axpy, derivative_kernel
 from quadsafe_env.flatness import wrench_from_snap_kernel
 from quadsafe_env.obstacles import NO_OBSTACLE, comes_after, squared_distance
+from quadsafe_env.rigid_body import axpy, derivative_kernel
 from quadsafe_env.rotors import limited_step
 from quadsafe_env.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane, store_triple
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, own_entries, sphere_entries

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import finite_array
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import fma
-from quadsafe_env.dynamics import acceleration, angular_acceleration
 from quadsafe_env.params import QuadrotorParams, params_from
+from quadsafe_env.rigid_body import acceleration, angular_acceleration
 from quadsafe_env.state import (
     STATE_SIZE,
     THRUST,

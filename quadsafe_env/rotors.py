@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_env.dynamics import rk4_step
 from quadsafe_env.params import QuadrotorParams, params_from
+from quadsafe_env.rigid_body import rk4_step
 from quadsafe_env.state import broadcast_rows
 
 

@@ -139,10 +139,11 @@ def hover_state(
 
 def broadcast_rows(**arrays: NDArray[np.float64]) -> tuple[list[NDArray[np.float64]], tuple[int, ...]]:
     """Arrays (…, k) with their leading axes broadcast, as rows (N, k); and the leading shape."""
-    leading = next(iter(arrays.values())).shape[:-1]
-    if len(leading) == 1 and all(array.shape[:-1] == leading for array in arrays.values()):
-        return list(arrays.values()), leading
-    shapes = {name: array.shape[:-1] for name, array in arrays.items()}
+    given = list(arrays.values())
+    leadings = [array.shape[:-1] for array in given]
+    if len(leadings[0]) == 1 and leadings.count(leadings[0]) == len(leadings):
+        return given, leadings[0]
+    shapes = dict(zip(arrays, leadings, strict=True))
     try:
         leading = np.broadcast_shapes(*shapes.values())
     except ValueError as error:
@@ -153,6 +154,6 @@ def broadcast_rows(**arrays: NDArray[np.float64]) -> tuple[list[NDArray[np.float
         np.ascontiguousarray(np.broadcast_to(array, (*leading, array.shape[-1]))).reshape(
             count, array.shape[-1]
         )
-        for array in arrays.values()
+        for array in given
     ]
     return rows, leading

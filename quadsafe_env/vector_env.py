@@ -23,7 +23,7 @@ from quadsafe_env.settings import (
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.world import INFO_KEYS, PlantAccess
 
-KEYS_AND_MASKS = (*INFO_KEYS, *(f"_{key}" for key in INFO_KEYS))
+MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 
 
 class QuadrotorVectorEnv(PlantAccess, VectorEnv):
@@ -217,7 +217,5 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
 
 
 def told(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Gymnasium's convention for vector infos: beside every key a mask of the rows that have it."""
-    masks = np.empty((len(values), len(mask)), dtype=np.bool_)
-    masks[:] = mask
-    return dict(zip(KEYS_AND_MASKS, (*values, *masks), strict=True))
+    """Gymnasium's convention for vector infos: beside every key the mask of the rows that have it."""
+    return dict(zip(INFO_KEYS, values, strict=True)) | dict.fromkeys(MASKS, mask.copy())

@@ -30,7 +30,7 @@ NUMBERS = ("correction", "value", "reserve")
 COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
 FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback")
 KEYS = (*SNAPS, *NUMBERS, *COUNTS, *FLAGS)
-ALL_KEYS = (*KEYS, *(f"_{key}" for key in KEYS))
+MASKS = tuple(f"_{key}" for key in KEYS)
 
 
 @kernel
@@ -100,7 +100,8 @@ class Recorder:
         self._open_if_nothing_flown()
         snaps, numbers = self._snaps.copy(), self._numbers.copy()
         counts, flags = self._counts.copy(), self._flags.copy()
-        return dict(zip(ALL_KEYS, (*snaps, *numbers, *counts, *flags, *(mask,) * len(KEYS)), strict=True))
+        values = dict(zip(KEYS, (*snaps, *numbers, *counts, *flags), strict=True))
+        return values | dict.fromkeys(MASKS, mask)
 
     def summary_of_one(self) -> dict[str, Any]:
         """``info["shield"]`` of the only row, numbers as Python's."""

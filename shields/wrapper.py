@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number
 from shields.recorder import Recorder
@@ -185,10 +186,10 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return observations, rewards, terminated, truncated, self._with_shield(info)
 
     def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
-        recorder = self._installation.recorder
-        info = {**info, "shield": recorder.summary(self._everyone.copy()), "_shield": self._everyone.copy()}
+        info = {**info, **self._told(self._everyone.copy())}
         if "final_info" in info:
-            ended = info["_final_info"]
-            told = {"shield": recorder.summary(ended.copy()), "_shield": ended.copy()}
-            info["final_info"] = {**info["final_info"], **told}
+            info["final_info"] = {**info["final_info"], **self._told(info["_final_info"].copy())}
         return info
+
+    def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
+        return {"shield": self._installation.recorder.summary(mask), "_shield": mask}

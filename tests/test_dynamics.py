@@ -10,8 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from quadsafe_core.jit import kernel
-from quadsafe_env.dynamics import derivative, orthonormal, rk4_step, step, step_batch
+from quadsafe_env.dynamics import derivative, step, step_batch
 from quadsafe_env.params import PRESETS
+from quadsafe_env.rigid_body import orthonormal, rk4_step
 from quadsafe_env.state import (
     ATTITUDE,
     OMEGA,
@@ -295,6 +296,51 @@ def test_no_entry_of_any_row_may_be_other_than_finite(value, row):
             ):
                 step(states, wrenches, CRAZYFLIE, 1e-3)
             table[row, entry] = kept
+
+
+@pytest.mark.parametrize("count", [1, 37])
+def test_step_writes_into_out_or_over_the_state(count):
+    rng = np.random.default_rng(3)
+    states, wrenches = random_states(rng, count, CRAZYFLIE), random_wrenches(rng, count, CRAZYFLIE)
+    expected, out = step(states, wrenches, CRAZYFLIE, 1e-3), np.empty_like(states)
+    assert step(states, wrenches, CRAZYFLIE, 1e-3, out=out) is out
+    np.testing.assert_array_equal(out, expected)
+    assert step(states, wrenches, CRAZYFLIE, 1e-3, out=states) is states
+    np.testing.assert_array_equal(states, expected)
+
+
+def test_out_has_the_leading_shape_of_all_arguments():
+    state, out = hover_state([0, 0, 0], CRAZYFLIE), np.empty((2, 3, 20))
+    wrenches = random_wrenches(np.random.default_rng(4), 6, CRAZYFLIE).reshape(2, 3, 4)
+    step(state, wrenches, CRAZYFLIE, 1e-3, out=out)
+    np.testing.assert_array_equal(out, step(state, wrenches, CRAZYFLIE, 1e-3))
+
+
+MEMORY = np.zeros((3, 20))
+
+
+@pytest.mark.parametrize(
+    ("out", "error", "words"),
+    [
+        ([0.0] * 20, TypeError, "out must be a writeable C-ordered array of float64, got"),
+        (np.zeros((2, 20), dtype=np.float32), TypeError, "float32"),
+        (np.zeros((2, 40))[:, ::2], TypeError, "C-ordered: False"),
+        (np.broadcast_to(np.zeros(20), (2, 20)), TypeError, "writeable: False"),
+        (np.zeros((3, 20)), ValueError, r"out must have shape \(2, 20\), got \(3, 20\)"),
+        (MEMORY[1:], ValueError, "out must be state itself, or share no memory"),
+    ],
+)
+def test_unusable_out_is_named(out, error, words):
+    with pytest.raises(error, match=words):
+        step(MEMORY[:2], np.zeros(4), CRAZYFLIE, 1e-3, out=out)
+
+
+def test_other_than_finite_arguments_are_named_when_stepped_in_place():
+    for name, entry in (("state", 0), ("state", 19), ("wrench", 0), ("wrench", 3)):
+        given = {"state": hover_state(np.zeros((20, 3)), CRAZYFLIE), "wrench": np.zeros((20, 4))}
+        given[name][17, entry] = math.nan
+        with pytest.raises(ValueError, match=f"^{name} must be finite, got nan at index \\(17, "):
+            step(**given, params=CRAZYFLIE, dt=1e-3, out=given["state"])
 
 
 def test_finite_numbers_that_overflow_are_stepped():

@@ -84,6 +84,26 @@ def test_inlined_helper_may_be_called_from_python_too():
     assert doubled_twice((1.0, 2.0)) == (4.0, 8.0)
 
 
+@needs_compiler
+def test_what_kernels_call_is_no_machine_code_before_python_calls_it():
+    @inline_kernel
+    def inner(x):
+        return x + 1.0
+
+    @jit.kernel
+    def middle(x):
+        return 2.0 * inner(x)
+
+    @jit.kernel
+    def outer(x):
+        return middle(x) + inner(x)
+
+    assert outer(1.0) == 6.0
+    assert not middle.signatures and not inner.signatures
+    assert middle(1.0) == 4.0 and inner(1.0) == 2.0 and outer(2) == 9.0
+    assert len(middle.signatures) == len(inner.signatures) == 1 and len(outer.signatures) == 2
+
+
 def test_hash_covers_the_room_and_the_floor_and_nothing_else(tmp_path):
     mini_house(tmp_path)
     (tmp_path / "quadsafe_env").mkdir()
