@@ -84,6 +84,42 @@ def main() -> None:
     for k in SPHERES[1:]:
         print(row(f"batch of 1,024, K = {k}", 1024, scene(1024, k)))
     print(f"one step through gym.make, shielded, ten RK4 steps {1e6 * single_step():11.2f} µs")
+    p50, p99, most = 1e6 * np.percentile(calls_in_flight(), [50, 99, 100])
+    print(f"one call in flight at the sphere, 100 Hz: p50 {p50:.2f}, p99 {p99:.2f}, max {most:.2f} µs")
+
+
+class Timed:
+    """A filter in the slot of a plant, each call of which is timed."""
+
+    def __init__(self, inner: Any):
+        self._inner, self.seconds = inner, []
+
+    def filter(self, *arguments: Any) -> Any:
+        """The answer of the filter within."""
+        started = time.perf_counter()
+        answer = self._inner.filter(*arguments)
+        self.seconds.append(time.perf_counter() - started)
+        return answer
+
+    def reset(self, mask: Any = None) -> None:
+        """Forget, as the filter within."""
+        self._inner.reset(mask)
+
+
+def calls_in_flight(episodes: int = 40) -> list[float]:
+    """Seconds of each call of the shield along flights straight at the goal, through the sphere."""
+    env: Any = gymnasium.make("QuadSafe/Avoid-v0")
+    timed = env.unwrapped.snap_filter = Timed(Shield())
+    for scene in range(episodes):
+        observation, _ = env.reset(options={"scene": scene})
+        if scene == 1:
+            timed.seconds.clear()
+        is_over = False
+        while not is_over:
+            action = np.append(np.clip(4.0 * observation[:3], -1.0, 1.0), 0.0).astype(np.float32)
+            observation, _, terminated, truncated, _ = env.step(action)
+            is_over = terminated or truncated
+    return timed.seconds
 
 
 def single_step() -> float:
