@@ -6,6 +6,7 @@ import plotly.graph_objects as go
 
 from agents import curves, figures, flight_figures, results
 from agents.arms import ARMS
+from agents.curves import Curve
 from agents.headline import in_words
 from agents.runs import Run
 from agents.trace import Trace, read_trace
@@ -34,13 +35,11 @@ def plates(run: Run, rows: list[Row]) -> list[Plate]:
     return found if trace is None else [*found, *_scene(trace)]
 
 
-def _training(run: Run, rows: list[Row]) -> list[Plate]:
-    trained = {row["arm"]: row for row in rows if row["phase"] == "training" and row["episodes"]}
-    if not trained:
-        return []
+def training_curves(run: Run, arms: list[str]) -> tuple[int, dict[str, Curve], dict[str, Curve]]:
+    """How arms with finished episodes learned: a window in steps, success within it, collisions so far."""
     seeds = {
         arm: [results.training_episodes(run, arm, seed) for seed in results.trained_seeds(run, arm)]
-        for arm in trained
+        for arm in arms
     }
     steps = max(int(episodes["timestep"].max()) for arm in seeds for episodes in seeds[arm] if len(episodes))
     rows_at_once = run.experiment.hyperparams.get("n_envs", 1)
@@ -48,6 +47,14 @@ def _training(run: Run, rows: list[Row]) -> list[Plate]:
     window = max(longest * rows_at_once, steps // curves.POINTS)
     success = {arm: curves.success_curve(of_arm, steps, window) for arm, of_arm in seeds.items()}
     collisions = {arm: curves.violation_curve(of_arm, steps) for arm, of_arm in seeds.items()}
+    return window, success, collisions
+
+
+def _training(run: Run, rows: list[Row]) -> list[Plate]:
+    trained = {row["arm"]: row for row in rows if row["phase"] == "training" and row["episodes"]}
+    if not trained:
+        return []
+    window, success, collisions = training_curves(run, list(trained))
     episodes = {arm: row["episodes"] for arm, row in trained.items()}
     n = max(row["seeds"] for row in trained.values())
     return [

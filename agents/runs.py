@@ -15,6 +15,7 @@ episodes.csv grows; it is cut back to where the checkpoint was.
 
 import csv
 import fcntl
+import io
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -209,8 +210,9 @@ def write_json(path: Path, value: Any) -> None:
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
     """A CSV file, in one move."""
-    lines = [",".join(map(str, row)) for row in (header, *rows)]
-    write_text(path, "\n".join(lines) + "\n")
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([header, *rows])
+    write_text(path, text.getvalue())
 
 
 def read_json(path: Path) -> Any:

@@ -104,6 +104,11 @@ def test_results_agree_with_the_episodes(finished):
     assert len(table(finished / "results.csv")) == 6
 
 
+def test_a_table_keeps_commas_in_their_cells(tmp_path):
+    runs.write_csv(tmp_path / "a.csv", ["x", "y"], [["a, b", 1.5], ['"', True]])
+    assert table(tmp_path / "a.csv") == [{"x": "a, b", "y": "1.5"}, {"x": '"', "y": "True"}]
+
+
 def test_the_trace_shows_what_the_flights_say(finished):
     told = json.loads((finished / "trace.json").read_text())
     steps = table(finished / "trace.csv")
