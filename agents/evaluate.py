@@ -59,6 +59,7 @@ class _Planned:
         self._env, self._tracker = env, None
 
     def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, None]:
+        """Actions (N, 4) of the tracker."""
         self._tracker = self._tracker or Tracker(self._env)
         return self._tracker.predict(observation, deterministic=deterministic)[0], None
 

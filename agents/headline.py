@@ -6,7 +6,7 @@ their paired difference, where there is one, leaves out zero.
 
 from typing import Any
 
-from agents.tables import at_least, at_most, digits, interval
+from agents.tables import at_least, at_most, digits, interval, middle
 
 Row = dict[str, Any]
 Rows = dict[tuple[str, str, str], Row]
@@ -53,7 +53,7 @@ def in_words(row: Row, rate: str) -> str:
     if row[f"{rate}_most"] == 1.0:
         return f"at least {at_least(row[f'{rate}_least'])} %"
     low, high = interval(row, rate)
-    return f"{digits(row[rate])} %, {digits(low)} to {digits(high)}"
+    return f"{digits(middle(row, rate))} %, {digits(low)} to {digits(high)}"
 
 
 def is_shown(row: Row, other: Row, rate: str) -> bool:

@@ -57,16 +57,26 @@ def percentage(row: Row, rate: str) -> str:
     if row[f"{rate}_most"] == 1.0:
         return f"100 [>= {at_least(row[f'{rate}_least'])}]"
     low, high = interval(row, rate)
-    return f"{digits(value)} [{digits(low)}, {digits(high)}]"
+    return f"{digits(middle(row, rate))} [{digits(low)}, {digits(high)}]"
+
+
+def middle(row: Row, rate: str) -> float:
+    """The rate to tell: of the seeds, or of all episodes where the middle of the seeds hides some."""
+    return row[COUNTS[rate]] / row["episodes"] if is_hidden(row, rate) else row[rate]
+
+
+def is_hidden(row: Row, rate: str) -> bool:
+    """Whether the middle of the seeds is 0 or 1 although not none or all were counted."""
+    return row[rate] in (0.0, 1.0) and row[f"{rate}_least"] > 0.0 and row[f"{rate}_most"] < 1.0
 
 
 def interval(row: Row, rate: str) -> tuple[float, float]:
     """The ends of the interval of a rate: of the bootstrap over seeds, or the exact ones.
 
-    The exact ones of a single seed and where all seeds agree: there the bootstrap is blind.
+    The exact ones of a single seed, and where all seeds, or those in the middle, agree: the bootstrap is blind.
     """
     low, high = row[f"{rate}_low"], row[f"{rate}_high"]
-    if low is None or low == high:
+    if low is None or low == high or is_hidden(row, rate):
         return row[f"{rate}_least"], row[f"{rate}_most"]
     return low, high
 
@@ -76,6 +86,8 @@ def digits(rate: float) -> str:
     percent = 100.0 * rate
     if percent in (0.0, 100.0):
         return f"{percent:.0f}"
+    if percent < 0.01:
+        return f"{percent:.1g}"
     return f"{percent:.2f}" if percent < 1.0 or percent > 99.0 else f"{percent:.1f}"
 
 
@@ -91,6 +103,7 @@ def at_least(bound: float) -> str:
     return f"{math.floor(round(bound * 10 ** (places + 2), 6)) / 10**places:.{places}f}"
 
 
+COUNTS = {"violation_rate": "violations", "success_rate": "successes"}
 CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
 
 

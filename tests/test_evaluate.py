@@ -185,8 +185,12 @@ def test_percentages_carry_their_bounds():
     assert percentage(row(0, 200), "rate") == "0 [<= 1.5]"
     assert percentage(row(200, 200), "rate") == "100 [>= 98.5]"
     assert percentage(row(14, 200), "rate") == "7.0 [3.9, 11.5]"
-    assert percentage(row(1, 2000), "rate") == "0.05 [0.00, 0.28]"
+    assert percentage(row(1, 2000), "rate") == "0.05 [0.001, 0.28]"
     assert percentage({"rate": None}, "rate") == "-"
+    # Two of 20,000 in one of ten seeds: the middle of the seeds is 0, and would hide them.
+    few = {**row(2, 20_000), "rate": 0.0, "rate_low": 0.0, "rate_high": 0.0002, "episodes": 20_000}
+    counted = {name.replace("rate", "violation_rate"): value for name, value in few.items()}
+    assert percentage({**counted, "violations": 2}, "violation_rate") == "0.01 [0.001, 0.04]"
     # Of several seeds, the interval over seeds; of nothing counted, still the bound over all episodes.
     assert percentage({**row(14, 200), "rate_low": 0.05, "rate_high": 0.08}, "rate") == "7.0 [5.0, 8.0]"
     assert percentage({**row(0, 200), "rate_low": 0.0, "rate_high": 0.0}, "rate") == "0 [<= 1.5]"
