@@ -24,7 +24,7 @@ SMALL = {"n_envs": 8, "n_steps": 16, "batch_size": 64, "n_epochs": 1}
 REPLAYING = {"n_envs": 4, "learning_starts": 60, "batch_size": 32, "gradient_steps": 1}
 EVERY = 128  # steps between two checkpoints, one rollout of SMALL
 WORDS = shlex.split(
-    f"-n 12800 --eval-episodes 4 --save-freq {EVERY} --hyperparams n_envs:8 n_steps:16 batch_size:64 n_epochs:1"
+    f"-n 6400 --eval-episodes 3 --save-freq {EVERY} --hyperparams n_envs:8 n_steps:16 batch_size:64 n_epochs:1"
 )
 
 
@@ -141,7 +141,7 @@ def test_counter_case_without_the_random_generators_it_goes_on_otherwise(tmp_pat
 def test_killed_again_and_again_it_loses_no_more_than_an_interval(tmp_path, uninterrupted):
     process = train_py(*WORDS, "-f", tmp_path)
     run, steps = tmp_path / "QuadSafe-Avoid-v0_1", {"none": 0, "shield": 0}
-    for kills in range(4):
+    for kills in range(3):
         path = run / "shield_seed0" / training.CHECKPOINT
         before = path.stat().st_mtime_ns if path.exists() else 0
         wait_for(lambda p=path, b=before: p.exists() and p.stat().st_mtime_ns > b, process)
