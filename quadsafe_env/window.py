@@ -1,5 +1,8 @@
 """A window on the screen that keeps the pace of a flight."""
 
+import os
+import sys
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +14,9 @@ BLIND = ("dummy", "offscreen")
 
 def has_display() -> bool:
     """Whether a window would be seen."""
+    # Without one, SDL complains on the terminal.
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
     was_open = pygame.display.get_init()
     try:
         pygame.display.init()

@@ -184,6 +184,8 @@ def test_trail_goes_through_every_position_and_stays_bounded():
     trail = Trail(path[0])
     for k in range(1, len(path)):
         trail.add(path[k], bool(acts[k]))
+        if k > 3 and k % 97 and k + 1 < len(path):
+            continue
         points, corrected = trail.arrays()
         assert len(points) == len(corrected) <= LENGTH + 1
         np.testing.assert_array_equal(points[[0, -1]], path[[0, k]])
@@ -325,12 +327,14 @@ def test_window_stays_closed_when_the_user_closed_it(screen):
 
 def test_no_display_is_said_in_a_sentence(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "none-such")
+    monkeypatch.setenv("DISPLAY", ":0")
     assert not has_display()
     with pytest.raises(OSError, match=r"^render_mode 'human' must have a display"):
         gymnasium.make("QuadSafe/Avoid-v0", render_mode="human").reset(seed=0)
 
 
-def test_nobody_sees_a_dummy(screen):
+def test_nobody_sees_a_dummy(screen, monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":0")
     assert not has_display() and not pygame.display.get_init()
 
 
