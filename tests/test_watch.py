@@ -10,7 +10,6 @@ from PIL import Image
 
 import train
 from agents import runs, trace, video
-from agents.evaluate import FLIGHT
 from quadsafe_env import window
 
 TINY = shlex.split(
@@ -27,33 +26,23 @@ def run(tmp_path_factory):
     return runs.open_run(logs / "QuadSafe-Avoid-v0_1")
 
 
-def flight_of(run, arm, scene, is_shielded):
-    flights = runs.read_csv(run.folder_of(arm, 0) / "flights.csv", FLIGHT)
-    return flights[(flights["scene"] == scene) & (flights["shield"] == is_shielded)][0]
+def traced(run, is_shielded):
+    """Who flew where, and the trace's steps: the same policy in a batch of one, so the same to the last bit."""
+    found = trace.read_trace(run)
+    return found.scene, found.shielded[:-1] if is_shielded else found.without[:-1]
 
 
 @pytest.mark.parametrize("ending", ["webp", "gif"])
-def test_the_video_has_the_flight_that_was_evaluated(run, ending, tmp_path, capsys):
+def test_the_video_has_the_flight_of_the_trace(run, ending, tmp_path, capsys):
     path = tmp_path / "new" / f"flight.{ending}"
-    scene = 2**63 + 1
-    words = [
-        "watch",
-        str(run.folder),
-        "--arm",
-        "none",
-        "--scene",
-        str(scene),
-        "--no-shield",
-        "--video",
-        str(path),
-    ]
-    assert train.main(words) == 0
-    flight = flight_of(run, "none", scene, False)
+    told, steps = traced(run, is_shielded=False)
+    who = ["--arm", told["arm"], "--seed", str(told["seed"]), "--scene", str(told["scene"])]
+    assert train.main(["watch", str(run.folder), *who, "--no-shield", "--video", str(path)]) == 0
     said = capsys.readouterr().out
-    assert f"Scene {scene}: " in said and f"after {flight['length']} steps" in said and str(path) in said
-    assert f"least clearance {flight['clearance']:.3f} m, no shield" in said
+    assert f"Scene {told['scene']}: " in said and f"after {len(steps)} steps" in said and str(path) in said
+    assert f"least clearance {steps['clearance'].min():.3f} m, no shield" in said
     with Image.open(path) as image:
-        assert (image.size, image.n_frames) == ((480, 480), flight["length"] + 1)
+        assert (image.size, image.n_frames) == ((480, 480), len(steps) + 1)
         image.seek(1)
         image.load()
         assert image.info["duration"] == 40
@@ -62,12 +51,11 @@ def test_the_video_has_the_flight_that_was_evaluated(run, ending, tmp_path, caps
 def test_without_a_display_the_scene_of_the_report_goes_into_the_run(run, monkeypatch, capsys):
     monkeypatch.setattr(window, "has_display", lambda: False)
     assert train.main(["watch", str(run.folder)]) == 0
-    arm, seed, scene = trace.chosen(run)
-    path = run.folder / f"{arm}_seed{seed}_{scene}.webp"
-    flight, said = flight_of(run, arm, scene, True), capsys.readouterr().out
-    assert str(path) in said and f"shield acted in {flight['interventions']} steps" in said
+    told, steps = traced(run, is_shielded=True)
+    path, said = run.folder / f"{told['arm']}_seed{told['seed']}_{told['scene']}.webp", capsys.readouterr().out
+    assert str(path) in said and f"shield acted in {steps['intervened'].sum()} steps" in said
     with Image.open(path) as image:
-        assert image.n_frames == flight["length"] + 1
+        assert image.n_frames == len(steps) + 1
 
 
 def test_with_a_display_it_is_a_window(run, monkeypatch, capsys):
@@ -77,8 +65,7 @@ def test_with_a_display_it_is_a_window(run, monkeypatch, capsys):
     shown = []
     monkeypatch.setattr(window.pygame.display, "flip", lambda: shown.append(1))
     assert train.main(["watch", str(run.folder)]) == 0
-    arm, _, scene = trace.chosen(run)
-    assert len(shown) == flight_of(run, arm, scene, True)["length"] + 1
+    assert len(shown) == len(traced(run, is_shielded=True)[1]) + 1
     assert "Video" not in capsys.readouterr().out
     assert not window.pygame.display.get_init()
 
