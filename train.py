@@ -4,12 +4,21 @@ python train.py                  both arms on QuadSafe/Avoid-v0
 python train.py -i RUN           go on with a run, or add arms and seeds to it
 python train.py evaluate RUN     the agents of a run again, on held-out scenes
 python train.py report RUN       tables and figures again, from the CSV files of a run
+python train.py watch RUN        a flight of one of its agents, in a window or as a video
 """
 
 import sys
 from collections.abc import Sequence
 
-from agents.command_line import Evaluate, Report, Train, errors_as_sentences, interrupts_end_quietly, parse
+from agents.command_line import (
+    Evaluate,
+    Report,
+    Train,
+    Watch,
+    errors_as_sentences,
+    interrupts_end_quietly,
+    parse,
+)
 
 
 def train(command: Train) -> int:
@@ -56,6 +65,20 @@ def report(command: Report) -> int:
     return 0
 
 
+def watch(command: Watch) -> int:
+    """Show a flight of an agent of a run."""
+    from agents import runs, watch
+
+    with errors_as_sentences():
+        run, is_shielded = runs.open_run(command.run), not command.no_shield
+        print(
+            watch.watch(
+                run, command.arm, command.seed, command.scene, is_shielded=is_shielded, video=command.video
+            )
+        )
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of the process."""
     with errors_as_sentences():
@@ -66,6 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return evaluate(command)
             case Report():
                 return report(command)
+            case Watch():
+                return watch(command)
             case Train():
                 return train(command)
 

@@ -17,7 +17,8 @@ class Train:
     """Train with and without the shield, and compare how often the two collide.
 
     `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
-    flies the agents of a run again, `train.py report RUN` makes its tables and figures again; each has --help.
+    flies the agents of a run again, `train.py report RUN` makes its tables and figures again,
+    `train.py watch RUN` shows a flight; each has --help.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -47,8 +48,26 @@ class Report:
     """Run folder, as logs/QuadSafe-Avoid-v0_1."""
 
 
-COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report}
-Command = Train | Evaluate | Report
+@dataclass(frozen=True)
+class Watch:
+    """Watch a flight of an agent of a run: in a window, or as a video where there is no display."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder, as logs/QuadSafe-Avoid-v0_1."""
+    arm: str | None = None
+    """Who flies; that of the report's scene unless given."""
+    seed: int | None = None
+    """Which of its trainings."""
+    scene: int | None = None
+    """Scene integer, as in flights.csv; that of the report unless given."""
+    no_shield: bool = False
+    """Take the shield away."""
+    video: Path | None = None
+    """Write this .webp, .gif or .mp4 (with a system ffmpeg) in place of opening a window."""
+
+
+COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report, "watch": Watch}
+Command = Train | Evaluate | Report | Watch
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:

@@ -90,8 +90,8 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 - Gymnasium's attribute
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any):
-        self.render_mode = check_render_mode(render_mode)
-        self._world = build_world(1, **settings)
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self._world = build_world(1, self.render_mode, **settings)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
         self.action_space = Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
@@ -133,12 +133,12 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
         return observation, reward, terminated, False, info
 
     def render(self):
-        """An RGB frame (480, 480, 3) of the scene, or None without a render mode."""
-        if self.render_mode is None:
-            return None
-        from quadsafe_env.render import frame
+        """An RGB frame (480, 480, 3) in the mode "rgb_array"; None otherwise, "human" shows by itself."""
+        return self._world.picture(0) if self.render_mode == "rgb_array" else None
 
-        return frame(self.state, self.goal, self.obstacles, self.params, self._world.scenes.start[0])
+    def close(self) -> None:
+        """Close the window of the mode "human"."""
+        self._world.close()
 
     def flat_state(self) -> NDArray[np.float64]:
         """Flat state (4, 3): r, ṙ, r̈, r⃛ in the world frame."""

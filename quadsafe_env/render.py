@@ -5,11 +5,14 @@ leaves. The vehicle is drawn larger than it is: what counts is its centre agains
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_env.film import NO_PAST, Past
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.sprites import BOTTOM, SIZE, Color, Patch, backdrop, ball, blend, circle, font, pygame, shell
@@ -25,9 +28,14 @@ VEHICLE_SHARE = 0.13  # least drawn radius of the vehicle, as a share of the rea
 GHOST = 70  # opacity of the vehicle behind a sphere, of 255
 
 GRID, SHADOW = (98, 114, 142), (24, 30, 42)
-OBSTACLE, SHELL, BREACH = (214, 96, 76), (158, 196, 255), (255, 70, 70)
+OBSTACLE, SHELL, BREACH, ACTS = (214, 96, 76), (158, 196, 255), (255, 70, 70), (255, 208, 64)
+TRAIL = (132, 156, 196)
 GOAL, START, TEXT = (96, 220, 146), (150, 162, 184), (222, 229, 240)
 ARM, ROTOR, NOSE, LIFT = (236, 240, 247), (126, 190, 255), (255, 178, 66), (255, 226, 120)
+
+
+# How far from the eye something is, m, and the call that draws it.
+Job = tuple[float, Callable[..., Any], tuple]
 
 
 class View(NamedTuple):
@@ -69,6 +77,8 @@ def frame(
     obstacles: Spheres,
     params: QuadrotorParams,
     start: NDArray[np.float64],
+    *,
+    past: Past = NO_PAST,
 ) -> NDArray[np.uint8]:
     """A picture of one vehicle in its scene.
 
@@ -78,19 +88,25 @@ def frame(
         obstacles: keep-out spheres, center (K, 3) and radius (K,), m; absent ones have radius 0.
         params: the vehicle.
         start: where the episode began, (3,), m; it keeps the camera still.
+        past: the path to here, and what the filter does.
 
     Returns:
         RGB, (480, 480, 3).
     """
-    present = _chosen(obstacles, obstacles.radius > 0.0)
+    is_present = obstacles.radius > 0.0
+    present = _chosen(obstacles, is_present)
     view = view_of(state[POSITION:VELOCITY], goal, start, present)
-    drawn = _chosen(present, view.is_open(present))
+    is_drawn = view.is_open(present)
+    drawn, tints = _chosen(present, is_drawn), shell_tints(state, obstacles, past)[is_present][is_drawn]
     draw_ground(view)
     draw_feet(view, state, goal, start, drawn)
-    draw_bodies(view, state, goal, drawn, params)
+    jobs = [*sphere_jobs(view, drawn, tints.tolist(), params.radius), *trail_jobs(view, past)]
+    draw_bodies(view, state, params, [*jobs, (float(view.distance(goal)), draw_goal, (view, goal))])
     draw_readings(view, state, goal, present, params)
-    pixels = np.frombuffer(pygame.image.tobytes(view.canvas, "RGB"), dtype=np.uint8)
-    return pixels.reshape(SIZE, SIZE, 3).copy()
+    draw_notice(view, past)
+    pixels = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
+    pygame.image.frombuffer(pixels.data, (SIZE, SIZE), "RGB").blit(view.canvas, (0, 0))
+    return pixels
 
 
 def _chosen(spheres: Spheres, mask: NDArray[np.bool_]) -> Spheres:
@@ -108,11 +124,24 @@ def view_of(position, goal, start, spheres: Spheres) -> View:
     is_near = np.linalg.norm(spheres.center - middle, axis=1) < 2.0 * reach
     lowest = min(start[2], goal[2], *(spheres.center[:, 2] - spheres.radius)[is_near])
     axes = np.array([right, np.cross(ahead, right), ahead])
-    return View(backdrop(), eye, axes, middle, float(lowest) - 0.1, reach)
+    return View(pygame.Surface((SIZE, SIZE), 0, 32), eye, axes, middle, float(lowest) - 0.1, reach)
 
 
 def draw_ground(view: View) -> None:
-    """Grid lines that fade with the distance from the middle of the scene, a metre apart but in wide views."""
+    """The sky and the ground, which stay as long as the camera does."""
+    eye, axes, middle = (tuple(part.ravel().tolist()) for part in (view.eye, view.axes, view.middle))
+    view.canvas.blit(_scenery(eye, axes, middle, view.ground, view.reach), (0, 0))
+
+
+@lru_cache(maxsize=16)
+def _scenery(eye, axes, middle, ground: float, reach: float) -> pygame.Surface:
+    view = View(backdrop(), np.array(eye), np.array(axes).reshape(3, 3), np.array(middle), ground, reach)
+    draw_grid(view)
+    return view.canvas
+
+
+def draw_grid(view: View) -> None:
+    """Lines that fade with the distance from the middle of the scene, a metre apart but in wide views."""
     spacing = max(1, round(view.reach / 4.0))
     count = math.ceil(2.0 * view.reach / spacing)
     axis = spacing * np.arange(-count, count + 1)
@@ -141,24 +170,54 @@ def draw_disc(view: View, place, radius: float, color: Color) -> None:
     pygame.draw.polygon(view.canvas, color, view.pixels(rim))
 
 
-def draw_bodies(view: View, state, goal, spheres: Spheres, params: QuadrotorParams) -> None:
-    """Spheres, goal and vehicle, far ones first; then a trace of the vehicle, should it be behind a sphere."""
-    position, vehicle = state[POSITION:VELOCITY], vehicle_patch(view, state, params)
-    image = vehicle.shrunk()
-    jobs = [(position, view.canvas.blit, (image, vehicle.corner)), (goal, draw_goal, (view, goal))]
-    for center, radius in zip(spheres.center, spheres.radius, strict=True):
-        is_inside = bool(np.linalg.norm(position - center) < radius)
-        jobs.append((center, draw_sphere, (view, center, radius, params.radius, is_inside)))
-    for _, draw, arguments in sorted(jobs, key=lambda job: -view.distance(job[0])):
+def draw_bodies(view: View, state, params: QuadrotorParams, jobs: list[Job]) -> None:
+    """The jobs and the vehicle, far ones first; then a trace of the vehicle, should it be behind a sphere."""
+    vehicle = vehicle_patch(view, state, params)
+    image, distance = vehicle.shrunk(), float(view.distance(state[POSITION:VELOCITY]))
+    own: Job = (distance, view.canvas.blit, (image, vehicle.corner))
+    for _, draw, arguments in sorted([*jobs, own], key=lambda job: -job[0]):
         draw(*arguments)
     image.set_alpha(GHOST)
     view.canvas.blit(image, vehicle.corner)
 
 
-def draw_sphere(view: View, center, keep_out: float, vehicle_radius: float, is_inside: bool) -> None:
-    """An obstacle in its keep-out shell; the shell turns red around a vehicle inside it."""
+def shell_tints(state, spheres: Spheres, past: Past) -> NDArray[np.int64]:
+    """Colours (K, 3) of the shells: red around the vehicle, amber where the filter acts for the sphere."""
+    tints = np.tile(SHELL, (len(spheres.radius), 1))
+    if past.is_corrected and past.sphere >= 0:
+        tints[past.sphere] = ACTS
+    gaps = np.linalg.norm(spheres.center - state[POSITION:VELOCITY], axis=1) - spheres.radius
+    tints[gaps < 0.0] = BREACH
+    return tints
+
+
+def sphere_jobs(view: View, spheres: Spheres, tints, vehicle_radius: float) -> list[Job]:
+    """The spheres in their keep-out shells."""
+    distances = view.distance(spheres.center).tolist()
+    bodies = zip(distances, spheres.center, spheres.radius, tints, strict=True)
+    return [
+        (distance, draw_sphere, (view, center, radius, vehicle_radius, tuple(tint)))
+        for distance, center, radius, tint in bodies
+    ]
+
+
+def draw_sphere(view: View, center, keep_out: float, vehicle_radius: float, tint: Color) -> None:
+    """An obstacle in its keep-out shell."""
     stamp(view, center, keep_out - vehicle_radius, ball, OBSTACLE)
-    stamp(view, center, keep_out, shell, BREACH if is_inside else SHELL)
+    stamp(view, center, keep_out, shell, tint)
+
+
+def trail_jobs(view: View, past: Past) -> list[Job]:
+    """The path to here, in pieces; amber where the filter acted."""
+    if len(past.trail) < 2:
+        return []
+    pixels, distances = view.pixels(past.trail), view.distance(past.trail).tolist()
+    colors = [ACTS if acted else TRAIL for acted in past.was_corrected.tolist()]
+    pieces = zip(distances[1:], colors[1:], pixels[:-1].tolist(), pixels[1:].tolist(), strict=True)
+    return [
+        (distance, pygame.draw.aaline, (view.canvas, color, start, end, 2))
+        for distance, color, start, end in pieces
+    ]
 
 
 def draw_goal(view: View, goal) -> None:
@@ -206,5 +265,13 @@ def draw_readings(view: View, state, goal, spheres: Spheres, params: QuadrotorPa
         f"clearance {gaps.min():.2f} m" if len(gaps) else "no sphere",
     ]
     colors = [TEXT, TEXT, TEXT, BREACH if (gaps < 0.0).any() else TEXT]
-    for reading, color, left in zip(readings, colors, (14, 104, 222, 358), strict=True):
-        view.canvas.blit(font().render(reading, True, color), (left, SIZE - 24))
+    for reading, color, left in zip(readings, colors, (14, 104, 222, SIZE), strict=True):
+        image = font().render(reading, True, color)
+        view.canvas.blit(image, (min(left, SIZE - 14 - image.get_width()), SIZE - 24))
+
+
+def draw_notice(view: View, past: Past) -> None:
+    """Says, in the upper left corner, that the shield acts."""
+    if past.is_corrected:
+        pygame.draw.circle(view.canvas, ACTS, (20, 22), 5)
+        view.canvas.blit(font().render("shield acts", True, ACTS), (32, 15))

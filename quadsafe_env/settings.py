@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, one_of, positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT
+from quadsafe_env.film import FilmedWorld, ShownWorld
 from quadsafe_env.obstacles import spheres_from_rows
 from quadsafe_env.params import QuadrotorParams, params_from
 from quadsafe_env.scenes import AvoidTask, FlightTask, ForestTask, Task
@@ -24,12 +25,14 @@ TASKS = {
         sphere_count=10, observed_spheres=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
     ),
 }
-RENDER_MODES = ("rgb_array",)
+RENDER_MODES = ("human", "rgb_array")
+WORLDS: dict[str | None, type[World]] = {None: World, "rgb_array": FilmedWorld, "human": ShownWorld}
 FLOAT = np.dtype(np.float32)
 
 
 def build_world(
     n: int,
+    render_mode: str | None = None,
     *,
     task: str = "avoid",
     action: str = "velocity",
@@ -47,6 +50,7 @@ def build_world(
 
     Args:
         n: number of rows.
+        render_mode: one that was checked, or None; what is rendered remembers its past.
         task: "flight", "avoid" or "forest"; fixed by the id.
         action: "velocity", "snap" or "wrench".
         params: preset name, mapping of fields, or QuadrotorParams.
@@ -70,7 +74,7 @@ def build_world(
         _check_room(drawn, vehicle)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
-    return World(
+    return WORLDS[render_mode](
         n,
         drawn,
         vehicle,
@@ -123,9 +127,9 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     return array
 
 
-def check_render_mode(render_mode: str | None) -> str | None:
+def check_render_mode(render_mode: str | None, modes: tuple[str, ...]) -> str | None:
     """``render_mode``, one of the supported ones or None."""
-    return None if render_mode is None else one_of("render_mode", render_mode, RENDER_MODES)
+    return None if render_mode is None else one_of("render_mode", render_mode, modes)
 
 
 def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float] | None) -> Task:

@@ -13,8 +13,17 @@ class Filtered(Protocol):
     def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
 
 
+# What ``done`` says where no filter acts.
+NOTHING_DONE = (False, -1)
+
+
 class SnapFilter(Protocol):
-    """The slot between the desired and the safe snap, called once per control period."""
+    """The slot between the desired and the safe snap, called once per control period.
+
+    A filter that wants to be seen in pictures also has a read-only attribute ``done``: whether it changed the
+    snap since the policy step began, (N,), and the sphere that asked for the largest correction, (N,), −1 for
+    none.
+    """
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
@@ -33,6 +42,8 @@ class Passed(NamedTuple):
 
 class PassThrough:
     """The empty slot: the desired snap is applied."""
+
+    done = NOTHING_DONE
 
     def filter(self, flat, center, radius, snap, period):
         """Return the desired snap."""

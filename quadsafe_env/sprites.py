@@ -81,10 +81,17 @@ def _sky() -> pygame.Surface:
     return surface
 
 
-@cache
 def font() -> pygame.font.Font:
     """The font of the readings."""
-    pygame.font.init()
+    # Another environment's window may have quit pygame, and with it every font.
+    if not pygame.font.get_init():
+        pygame.font.init()
+        _font.cache_clear()
+    return _font()
+
+
+@cache
+def _font() -> pygame.font.Font:
     return pygame.font.Font(None, 19)
 
 

@@ -13,7 +13,6 @@ from quadsafe_core.checks import positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.settings import (
-    RENDER_MODES,
     action_array,
     build_world,
     check_render_mode,
@@ -23,6 +22,7 @@ from quadsafe_env.settings import (
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.world import INFO_KEYS, PlantAccess
 
+RENDER_MODES = ("rgb_array",)
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 
 
@@ -58,8 +58,8 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         **settings: Any,
     ):
         self.num_envs = positive_integer("num_envs", num_envs)
-        self.render_mode = check_render_mode(render_mode)
-        self._world = build_world(self.num_envs, **settings)
+        self.render_mode = check_render_mode(render_mode, RENDER_MODES)
+        self._world = build_world(self.num_envs, self.render_mode, **settings)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
         self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)
         self.single_observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
@@ -130,13 +130,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         """One RGB frame (480, 480, 3) a row, or None without a render mode."""
         if self.render_mode is None:
             return None
-        from quadsafe_env.render import frame
-
-        start, goal, center, radius = self._world.scenes
-        return tuple(
-            frame(self._world.states[i], goal[i], Spheres(center[i], radius[i]), self.params, start[i])
-            for i in range(self.num_envs)
-        )
+        return tuple(self._world.picture(i) for i in range(self.num_envs))
 
     def _final(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> dict[str, Any]:
         return {

@@ -248,6 +248,12 @@ class World:
             observations,
         )
 
+    def picture(self, row: int) -> NDArray[np.uint8] | None:
+        """No picture: this world is not looked at."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
     def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], tuple[NDArray, ...]]:
         """Rewards, ends and the values of the info of the last step, fresh arrays (N,)."""
         rewards, cost, clearance = self.outcomes.copy()

@@ -90,6 +90,12 @@ class Recorder:
         """Forget the shield's memory of these rows; what they did in this step stays."""
         self.shield.reset(mask)
 
+    @property
+    def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+        """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
+        self._open_if_nothing_flown()
+        return self._flags[FLAGS.index("intervened")].copy(), self._counts[COUNTS.index("obstacle")].copy()
+
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
         self._open_if_nothing_flown()

@@ -2,7 +2,8 @@
 
 A plant with a slot has, on ``env.unwrapped``, the attributes ``snap_filter`` (the slot) and ``is_shielded``.
 It calls ``snap_filter.filter(flat, center, radius, snap, period)`` once per control period, batched, flies
-the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew.
+the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew. Its pictures may
+ask ``snap_filter.done`` what the shield did.
 """
 
 from typing import Any

@@ -55,8 +55,9 @@ def trajectory(env, steps, seed=0):
 
 
 @every_face
-@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
-def test_gymnasium_checker_has_no_complaint(name, action, render_mode):
+@pytest.mark.parametrize("render_mode", [None, "rgb_array", "human"])
+def test_gymnasium_checker_has_no_complaint(name, action, render_mode, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     check_env(gymnasium.make(name, action=action, render_mode=render_mode).unwrapped)
 
 
@@ -133,7 +134,7 @@ def test_time_limit_is_gymnasiums(name):
 def test_metadata(hz):
     env = plant(policy_hz=hz)
     assert env.metadata["render_fps"] == hz
-    assert QuadrotorEnv.metadata["render_modes"] == ["rgb_array"]
+    assert QuadrotorEnv.metadata["render_modes"] == ["human", "rgb_array"]
 
 
 @pytest.mark.interpreted
@@ -353,8 +354,8 @@ def test_unknown_id_is_gymnasiums_own_error():
 def test_unknown_keyword_and_render_mode():
     with pytest.raises(TypeError, match="unexpected keyword argument 'colour'"):
         QuadrotorEnv(colour="red")
-    with pytest.raises(ValueError, match=r"^render_mode must be one of 'rgb_array', got 'human'$"):
-        QuadrotorEnv(render_mode="human")
+    with pytest.raises(ValueError, match=r"^render_mode must be one of 'human', 'rgb_array', got 'ansi'$"):
+        QuadrotorEnv(render_mode="ansi")
 
 
 @pytest.mark.interpreted
