@@ -22,7 +22,9 @@ class SnapFilter(Protocol):
 
     A filter that wants to be seen in pictures also has a read-only attribute ``done``: whether it changed the
     snap since the policy step began, (N,), and the sphere that asked for the largest correction, (N,), −1 for
-    none.
+    none. One whose answers may be lost has an attribute ``backup``: called with the rows (N,) whose answer was,
+    directly after ``filter``, it gives the snaps (N, 3) that these fly instead; None, or no such attribute, and
+    they fly their last answer on.
     """
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:

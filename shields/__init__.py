@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 from quadsafe_core.authority import Authority
 from shields.filtered import Filtered
 from shields.shield import Shield
+from shields.uncertainty import Uncertainty
 from shields.wrapper import ShieldWrapper, VectorShieldWrapper
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ __all__ = [
     "LowerSet",
     "Shield",
     "ShieldWrapper",
+    "Uncertainty",
     "VectorShieldWrapper",
     "box_input",
     "flow",

@@ -186,6 +186,12 @@ def feedback(plan, x, period, gains):
 
 
 @kernel
+def tracking_snap(plan, x, period, gains, snap_max):
+    """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
+    return within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), snap_max)
+
+
+@kernel
 def look_at_stored_stop(plan, period, spheres):
     """Whether the stored stop, from the start of its segment, keeps clear of the spheres of now."""
     x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
@@ -290,7 +296,7 @@ def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
     if kind == UNCERTIFIED:
         plan["is_stored"] = False
         return NOTHING, UNCERTIFIED
-    stop = within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), limits.snap_max)
+    stop = tracking_snap(plan, x, period, gains, limits.snap_max)
     if is_wanted:
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))

@@ -7,7 +7,7 @@ limits of jerk and thrust ask for half-spaces too, and no snap is longer than th
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,21 +68,37 @@ SETTINGS = 18
 PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 
 
+class Bounds(NamedTuple):
+    """ū, U_max, the limits of a certified flight, and the authority of the half-spaces, None without."""
+
+    u_max: float
+    input_max: float
+    limits: FlightLimits
+    authority: Authority | None
+
+
 @kernel
-def around(plan, x, spheres, margin, period):
-    """The spheres at the distances that a new stop keeps, and the stored one, off which the vehicle is."""
+def around(plan, x, spheres, margin, period, tube):
+    """The spheres at the distances that a new stop keeps, and the stored one, off which the vehicle is.
+
+    In a tube the vehicle may be off the stored stop, and both keep the whole distance: nothing is relaxed.
+    """
     center, velocity, radius = spheres
     ref, count = reference(plan, period), radius.shape[0]
     off = norm(subtract(ref.r, x.r))
-    ahead, stored = np.zeros(count), np.zeros(count)
+    ahead, stored, bare = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count):
         # An absent sphere stays one.
         if radius[k] > 0.0:
-            ahead[k] = min((1 + 0.5 * margin) * radius[k], SLACK * norm(subtract(x.r, vector(center[k]))))
-            tube = (1 - ROUNDING) * radius[k] + 2 * off
-            stored[k] = min(tube, SLACK * norm(subtract(ref.r, vector(center[k]))))
+            ahead[k], stored[k], bare[k] = (1 + 0.5 * margin) * radius[k], (1 - ROUNDING) * radius[k], radius[k]
+            if tube is None:
+                ahead[k] = min(ahead[k], SLACK * norm(subtract(x.r, vector(center[k]))))
+                stored[k] = min(stored[k] + 2 * off, SLACK * norm(subtract(ref.r, vector(center[k]))))
+            else:
+                stored[k] += 2 * max(off - tube.estimate, 0.0)
+                bare[k] -= tube.vehicle
     return Distances(
-        Spheres(center, velocity, ahead), Spheres(center, velocity, stored), Spheres(center, velocity, radius)
+        Spheres(center, velocity, ahead), Spheres(center, velocity, stored), Spheres(center, velocity, bare)
     )
 
 
@@ -104,8 +120,10 @@ def backup_snap(x, spheres, last, settings, facts):
 
 
 @kernel
-def limits_at(x, limits):
-    """The limits of a flight; what a vehicle begins outside of may get no worse."""
+def limits_at(x, limits, tube):
+    """The limits of a flight; what a vehicle begins outside of may get no worse. In a tube they stand."""
+    if tube is not None:
+        return limits
     band = limits.band
     thrust = norm(combined(x.a, band.gravity, (0.0, 0.0, 1.0)))
     return FlightLimits(
@@ -133,7 +151,8 @@ def careful_snap(x, wanted, is_wanted, is_chosen, spheres, last, plan, settings,
     rows, is_tried = one_vehicle(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
     if is_tried and accept_at_once(0, plan, x, nearest, period, *rows, share, settings.limits):
         return nearest, ACCEPTED
-    distances, limits = around(plan, x, spheres, settings.margin, period), limits_at(x, settings.limits)
+    distances = around(plan, x, spheres, settings.margin, period, settings.tube)
+    limits = limits_at(x, settings.limits, settings.tube)
     snap, kind = certified_snap(
         plan, x, nearest, is_wanted and is_feasible, period, distances, limits, settings.gains
     )
@@ -162,7 +181,7 @@ def joint_row(i, flat, center, radius, velocity, snap, last, plans, settings, sa
         spheres = (center[i], velocity[i], radius[i])
         is_chosen = settings.is_free and is_cut
         u, kind = careful_snap(x, wanted, is_wanted, is_chosen, spheres, last[i], plans[i], settings, facts[i])
-        note_kind(facts[i], kind, is_outside)
+        note_kind(facts[i], kind, is_outside or settings.tube is not None)
         facts[i, RESERVE] /= settings.sampling.u_max
     return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
 
@@ -186,7 +205,7 @@ def joint_batch(flat, center, radius, snap, velocity, memory, closing, authority
     last, plans = carved(memory, half_spaces, FLOATS, (n, k, 4)), carved(memory, stops, PLANS, (n,))
     moving = velocities_or(velocity, memory, velocities, n, k)
     safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
-    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority)
+    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority, None)
     flat, center, radius = borrowed(flat), borrowed(center), borrowed(radius)
     code = checked_rows(flat, center, radius, moving, snap, safe)
     for i in range(n):
@@ -203,8 +222,8 @@ def joint_one(flat, center, radius, snap, velocity, memory, closing, authority, 
 
 
 @kernel
-def unpacked(n, closing, authority):
-    """The settings from the array of ``packed``; None for bounds that there are not, which is not compiled."""
+def unpacked(n, closing, authority, tube):
+    """The settings from the array of ``packed``; None for what there is not, which is not compiled."""
     band = ThrustBand(n[7], n[8], n[9])
     return JointSettings(
         Sampling(n[0], n[1], n[2], n[3], authority),
@@ -214,6 +233,7 @@ def unpacked(n, closing, authority):
         (n[11], n[12], n[13], n[14]),
         (n[15], n[16], n[17]),
         closing is None and authority is None,
+        tube,
     )
 
 
@@ -236,13 +256,17 @@ class SampledMethod:
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
+        bounds = bounds_of(self._settings)
+        gains = held_gains(4, TRACKING_POLE, period)
+        return Kernels(joint_batch, joint_one, self._own(period, bounds, gains))
+
+    def _own(self, period: float, bounds: Bounds, gains: NDArray[np.float64]) -> tuple:
+        """Memory with the settings of a period in it, bounds of closing motion, authority."""
         # A stop is stored in whole periods: of another length it would be another stop.
         self._parts()[1]["is_stored"] = False
-        numbers, kept = packed(self._settings, period)
-        carved(self.memory, 0, FLOATS, (SETTINGS,))[:] = numbers
+        carved(self.memory, 0, FLOATS, (SETTINGS,))[:] = packed(self._settings, period, bounds, gains)
         closing = closing_bounds(self._settings)
-        bounds = None if max(closing) == -math.inf else closing
-        return Kernels(joint_batch, joint_one, (self.memory, bounds, kept))
+        return self.memory, None if max(closing) == -math.inf else closing, bounds.authority
 
     def _parts(self) -> tuple[NDArray[np.float64], NDArray[np.void]]:
         """Half-spaces and stops, made when they are used: a copy of this object has a memory of its own."""
@@ -254,25 +278,25 @@ class SampledMethod:
         )
 
 
-def packed(settings: Mapping[str, Any], period: float) -> tuple[NDArray[np.float64], Authority | None]:
+def packed(
+    settings: Mapping[str, Any], period: float, bounds: Bounds, gains: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """The settings of a shield at a control period, s, for ``unpacked``: arrays cross into a kernel quickly."""
-    bounds, kept = free(settings) if settings["authority"] is None else within(settings)
-    u_max, input_max, *limits = bounds
-    sampling = (u_max, -math.expm1(-settings["alpha"] * period), input_max, period)
-    gains = (*held_gains(4, TRACKING_POLE, period), *held_gains(3, BRAKING_POLE, period))
-    return np.array([*sampling, *limits, settings["margin"], *gains]), kept
+    sampling = (bounds.u_max, -math.expm1(-settings["alpha"] * period), bounds.input_max, period)
+    *limits, band = bounds.limits
+    return np.array(
+        [*sampling, *limits, *band, settings["margin"], *gains, *held_gains(3, BRAKING_POLE, period)]
+    )
 
 
-def free(settings: Mapping[str, Any]) -> tuple[tuple[float, ...], None]:
-    """ū, U_max and the entries of ``FlightLimits``, for a vehicle of which only the thrust floor is known."""
-    u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
-    band = (settings["thrust_min"], math.inf, settings["gravity"])
-    return (u_max, input_max, math.inf, input_max, math.inf, *band), None
-
-
-def within(settings: Mapping[str, Any]) -> tuple[tuple[float, ...], Authority]:
-    """The same from the authority, and what of it stops and half-spaces count on."""
+def bounds_of(settings: Mapping[str, Any]) -> Bounds:
+    """What half-spaces and stops count on: free numbers, or the authority less what is reserved."""
+    if settings["authority"] is None:
+        u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
+        band = ThrustBand(settings["thrust_min"], math.inf, settings["gravity"])
+        return Bounds(u_max, input_max, FlightLimits(math.inf, input_max, math.inf, band), None)
     whole = checked_authority("authority", settings["authority"])
     kept = whole.less(RESERVED)
-    band = (kept.thrust_min, kept.thrust_max, kept.gravity)
-    return (kept.snap_max, whole.snap_max, whole.snap_max, kept.snap_max, kept.jerk_max, *band), kept
+    band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
+    limits = FlightLimits(whole.snap_max, kept.snap_max, kept.jerk_max, band)
+    return Bounds(kept.snap_max, whole.snap_max, limits, kept)

@@ -22,8 +22,15 @@ from shields.within import LIMITS, limit_demand
 SLACK = 1.0 - 1e-12
 
 
+class Width(NamedTuple):
+    """A tube around a stored stop, of the vehicle and of what is known of it, m."""
+
+    vehicle: float
+    estimate: float
+
+
 class JointSettings(NamedTuple):
-    """What the sampled shield keeps, fixed for a period; whether only distances are asked for."""
+    """What the sampled shield keeps, fixed for a period; whether that is only distances; the tube if any."""
 
     sampling: Sampling
     limits: FlightLimits
@@ -32,6 +39,7 @@ class JointSettings(NamedTuple):
     gains: tuple
     braking: tuple
     is_free: bool
+    tube: Width | None
 
 
 class HalfSpaces(NamedTuple):

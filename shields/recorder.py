@@ -1,5 +1,6 @@
 """What a shield did to N plants since their policy step began."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,17 @@ class Recorder:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
         self._open_if_nothing_flown()
         return self._flags[FLAGS.index("intervened")].copy(), self._counts[COUNTS.index("obstacle")].copy()
+
+    @property
+    def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
+        """What a plant calls for rows whose answer was lost; None for a shield that does not count on it."""
+        return self._fly_backup if self.shield.can_lose else None
+
+    def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        instead = self.shield.backup(mask)
+        self._snaps[SNAPS.index("snap_applied"), mask] = instead[mask]
+        self._flags[FLAGS.index("stopped")] |= mask
+        return instead
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""

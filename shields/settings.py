@@ -5,19 +5,21 @@ from typing import Any
 
 from quadsafe_core.authority import checked_authority
 from quadsafe_core.checks import non_negative_number, positive_number
+from shields.uncertainty import checked_uncertainty
 
 # What an authority takes the place of.
 FREE_NUMBERS = MappingProxyType({"snap_max": 200.0, "reserve": 3.0, "thrust_min": 1.0, "gravity": 9.81})
 
 
 def checked_settings(
-    *, method: str, authority: Any, alpha: float, margin: float, **given: Any
+    *, method: str, authority: Any, uncertainty: Any, alpha: float, margin: float, **given: Any
 ) -> dict[str, Any]:
     """Every setting as a plain number, None where an authority or nothing takes its place.
 
     Args:
         method: a known one.
         authority: as in ``shields.Shield``.
+        uncertainty: as in ``shields.Shield``.
         alpha: as in ``shields.Shield``.
         margin: as in ``shields.Shield``.
         given: the free numbers and the bounds on closing motion, None where they are left out.
@@ -36,6 +38,7 @@ def checked_settings(
         "thrust_min": vehicle["thrust_min"],
         "gravity": vehicle["gravity"],
         "authority": vehicle["authority"],
+        "uncertainty": _declared(method, uncertainty),
         **{name: _optional(name, value) for name, value in given.items() if name not in FREE_NUMBERS},
     }
 
@@ -60,6 +63,14 @@ def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) 
         if value is not None:
             raise ValueError(f"{name} must be left out beside an authority, which sets it, got {value!r}")
     return {**given, "authority": checked_authority("authority", authority)._asdict()}
+
+
+def _declared(method: str, value: Any) -> dict[str, Any] | None:
+    """The uncertainty as a dict, None for none at all."""
+    found = checked_uncertainty(value)
+    if found is not None and method != "sampled":
+        raise ValueError(f"uncertainty needs method 'sampled', got {method!r}")
+    return None if found is None else found._asdict()
 
 
 def _at_least_one(name: str, value: float) -> float:

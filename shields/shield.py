@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,8 @@ from shields.filtered import (
 )
 from shields.joint import SampledMethod
 from shields.settings import checked_settings
+from shields.tubed import TubedMethod
+from shields.uncertainty import Uncertainty
 
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
@@ -48,6 +50,13 @@ class Method(Protocol):
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
 
 
+def made_method(settings: Mapping[str, Any]) -> Method:
+    """The method of these settings."""
+    if settings["uncertainty"] is not None:
+        return TubedMethod(settings)
+    return METHODS[settings["method"]](settings)
+
+
 class Shield:
     """Turns desired snaps into safe ones: one memory for one plant, or for N plants flown together.
 
@@ -69,6 +78,10 @@ class Shield:
     that holds the vehicle on it. So what is desired is limited to what can still be stopped. The half-spaces
     are those of the braking set, with ū, x̄_1 and x̄_2 from the authority along each direction.
 
+    With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
+    is within its bound: a tube around each stored stop holds them all, and is kept out of the spheres and
+    within the limits (``shields.uncertainty``). Then ``value`` is that of the radius with the tube.
+
     Every departure is reported in ``Filtered``.
 
     Args:
@@ -81,6 +94,8 @@ class Shield:
         gravity: g, m/s² ("sampled"); 9.81.
         authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of snap_max,
             reserve, thrust_min and gravity; None for those.
+        uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields
+            ("sampled"); None for none.
         max_closing_speed: bound of −Ṙ, m/s, or None; "sampled" keeps it along the line of sight of each period.
         max_closing_acceleration: bound of −R̈, m/s², or None.
         max_closing_jerk: bound of −R⃛, m/s³, or None.
@@ -103,6 +118,7 @@ class Shield:
         thrust_min: float | None = None,
         gravity: float | None = None,
         authority: Authority | Mapping[str, float] | None = None,
+        uncertainty: Uncertainty | Mapping[str, Any] | None = None,
         max_closing_speed: float | None = None,
         max_closing_acceleration: float | None = None,
         max_closing_jerk: float | None = None,
@@ -116,11 +132,12 @@ class Shield:
             thrust_min=thrust_min,
             gravity=gravity,
             authority=authority,
+            uncertainty=uncertainty,
             max_closing_speed=max_closing_speed,
             max_closing_acceleration=max_closing_acceleration,
             max_closing_jerk=max_closing_jerk,
         )
-        self._method: Method = METHODS[method](self._settings)
+        self._method = made_method(self._settings)
         self._size: tuple[int, int] | None = None
         self._period = math.nan
         self._kernel: Callable[..., int]
@@ -227,6 +244,41 @@ class Shield:
         if rows.shape[0] != self._size[0]:
             raise ValueError(f"mask must have shape ({self._size[0]},), got {rows.shape}")
         self._method.forget(rows)
+
+    def backup(self, mask: ArrayLike) -> NDArray[np.float64]:
+        """What the vehicle flies where the last answer was lost: the stop that was stored before it.
+
+        Call it after ``filter`` of the same period. The shield then goes on from that stop.
+
+        Args:
+            mask: (N,) booleans, the rows whose answer was lost; one boolean for one plant.
+
+        Returns:
+            (N, 3) snaps, m/s⁴, 0 in the other rows; (3,) for one plant.
+
+        Raises:
+            ValueError: for a shield whose ``uncertainty`` has no ``losses``, before the first call of
+                ``filter``, or for another shape or type.
+        """
+        if not self.can_lose:
+            raise ValueError(
+                "uncertainty.losses must be True for a shield whose answers may be lost, got False"
+            )
+        if self._size is None:
+            raise ValueError("backup must follow a call of filter, got none since the last reset()")
+        rows = np.asarray(mask)
+        if rows.shape != self._leading or rows.dtype != np.bool_:
+            raise ValueError(
+                f"mask must be booleans of shape {self._leading}, got {rows.dtype} of shape {rows.shape}"
+            )
+        method = cast(TubedMethod, self._method)
+        return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
+
+    @property
+    def can_lose(self) -> bool:
+        """Whether ``backup`` may be asked."""
+        declared = self._settings["uncertainty"]
+        return declared is not None and declared["losses"]
 
     def snapshot(self) -> dict[str, NDArray]:
         """All that this shield remembers, as copies, for ``restore``; empty before the first call."""

@@ -1,0 +1,1 @@
+"""Flights of the bare chain under errors."""

@@ -1,0 +1,182 @@
+"""Vehicles as bare chains among spheres, attacked by the policy and by every error a shield may be told of.
+
+The truth flies; the shield sees the estimate. Between samples it is looked at too.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_core.feedback import held_gains
+from shields import Shield, Uncertainty
+
+Array = NDArray[np.float64]
+
+SPHERES, SECONDS, LOOKS = 3, 4.0, 8
+# Set values and distances within rounding of 0 count as 0, m.
+ROUNDING = 1e-9
+POLICIES, PATTERNS = 4, 5
+LOSS = 0.2
+
+
+class Found(NamedTuple):
+    """What one batch of episodes showed.
+
+    Counts of steps and episodes, those with a violation, those without a certificate; each episode's least
+    clearance, m, and mean speed, m/s; how often the snap was changed, and how often a stop flown.
+    """
+
+    steps: int
+    episodes: int
+    violated_steps: int
+    violated_episodes: int
+    uncertified: int
+    clearance: Array
+    speed: Array
+    changed: int
+    stopped: int
+
+
+def scaled(bounds: Uncertainty, factor: float) -> Uncertainty:
+    """The bounds times a factor; a delay in whole periods."""
+    numbers = {name: factor * getattr(bounds, name) for name in Uncertainty._fields[:7]}
+    return bounds._replace(**numbers, delay=round(factor * bounds.delay))
+
+
+def moved(x: Array, snap: Array, wind: Array, t: float) -> Array:
+    """Flat states (N, 4, 3) after a time under snap and wind."""
+    r, v, a, j = np.moveaxis(x, 1, 0)
+    rows = (
+        r + t * (v + t * ((a + wind) / 2 + t * (j / 6 + t * snap / 24))),
+        v + t * (a + wind + t * (j / 2 + t * snap / 6)),
+        a + t * (j + t * snap / 2),
+        j + t * snap,
+    )
+    return np.stack(rows, axis=1)
+
+
+class Errors:
+    """The errors of N vehicles, as bad as the bounds allow.
+
+    Five patterns: always such that the vehicle seems farther away than it is, and is pushed at the sphere; with
+    signs that change at random, every period, or some times a second; and in random directions.
+    """
+
+    def __init__(self, rng: np.random.Generator, n: int, bounds: Uncertainty, period: float):
+        self._rng, self._bounds, self._pattern = rng, bounds, np.arange(n) // POLICIES % PATTERNS
+        self._half = np.maximum(1, np.round(rng.uniform(0.05, 0.5, n) / period)).astype(int)
+        self._signs, self._step = np.where(rng.random((n, 7)) < 0.7, 1.0, -1.0), 0
+        self._signs[self._pattern == 0] = 1.0
+
+    def next(self, away: Array) -> tuple[Array, Array, Array, Array]:
+        """Errors of the estimate (N, 4, 3), snap (N, 3), gain (N, 1), wind (N, 3); ``away`` from the sphere."""
+        rng, (n, _) = self._rng, away.shape
+        flip = np.ones((n, 1))
+        flip[self._pattern == 2] = 1 - 2 * (self._step % 2)
+        flip[self._pattern == 3] = (1 - 2 * (self._step // self._half % 2))[self._pattern == 3][:, None]
+        signs = flip * self._signs
+        at_random = (self._pattern == 1)[:, None]
+        signs = np.where(at_random, rng.choice([-1.0, 1.0], (n, 7)), signs)
+        directions = signs[:, :6, None] * away[:, None]
+        loose = rng.normal(size=(n, 6, 3))
+        loose *= rng.random((n, 6, 1)) ** (1 / 3) / np.linalg.norm(loose, axis=2, keepdims=True)
+        directions = np.where((self._pattern == 4)[:, None, None], loose, directions)
+        sizes = np.array([*self._bounds[:5], self._bounds.wind])
+        # A hair inside of the bounds, for rounding.
+        errors = (1 - 1e-12) * sizes[:, None] * directions
+        self._step += 1
+        gain = self._bounds.gain * np.where(at_random, rng.uniform(-1, 1, (n, 1)), signs[:, 6:])
+        return errors[:, :4], -errors[:, 4], gain, -errors[:, 5]
+
+
+class Policy:
+    """Desired snaps: into a sphere, to goals beyond it, random and held for a while, at the nearest sphere."""
+
+    def __init__(self, rng: np.random.Generator, n: int, center: Array, period: float):
+        self._rng, self._kind, self._center, self._period = rng, np.arange(n) % POLICIES, center, period
+        self._goal, self._held, self._gains = center[:, 0].copy(), np.zeros((n, 3)), np.zeros((n, 4))
+        for i, pole in enumerate(rng.uniform(2.0, 6.0, n)):
+            self._gains[i] = held_gains(4, float(pole), period)
+
+    def snaps(self, x: Array, away: Array) -> Array:
+        """Desired snaps for the estimates."""
+        rng, n = self._rng, len(x)
+        renew = (rng.random(n) < 0.5 * self._period) & (self._kind == 1)
+        beyond = -2.0 * x[:, 0] / np.maximum(np.linalg.norm(x[:, 0], axis=1, keepdims=True), 0.5)
+        self._goal[renew] = beyond[renew]
+        fresh = rng.random(n) < min(1.0, 4.0 * self._period)
+        self._held[fresh] = 300.0 * rng.normal(size=(n, 3))[fresh]
+        error = x.copy()
+        error[:, 0] -= self._goal
+        tracked = -np.einsum("ni,nij->nj", self._gains, error)
+        home = -np.einsum("ni,nij->nj", self._gains, x)
+        at_sphere = -800.0 * away + 0.2 * home
+        return np.choose(self._kind[:, None], [tracked, tracked, self._held + 0.3 * home, at_sphere])
+
+
+def start(rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
+    """Vehicles at rest, 2 m from the origin, and spheres around it, clear of them."""
+    x = np.zeros((n, 4, 3))
+    way = rng.normal(size=(n, 3))
+    x[:, 0] = 2.0 * way / np.linalg.norm(way, axis=1, keepdims=True)
+    center = rng.uniform(-0.7, 0.7, (n, SPHERES, 3))
+    center[:, 0] *= 0.3
+    return x, center, rng.uniform(0.25, 0.45, (n, SPHERES))
+
+
+def nearest_away(x: Array, center: Array, radius: Array) -> Array:
+    """Unit vectors (N, 3) away from the sphere that is nearest."""
+    gap = x[:, None, 0] - center
+    distance = np.linalg.norm(gap, axis=2)
+    k = np.argmin(distance - radius, axis=1)
+    rows = np.arange(len(x))
+    return gap[rows, k] / np.maximum(distance[rows, k], 1e-9)[:, None]
+
+
+def fly(
+    declared: Uncertainty | None, actual: Uncertainty, rate: int, n: int, seed: int, **settings: Any
+) -> Found:
+    """One batch of n episodes of ``SECONDS`` each at a control rate, Hz.
+
+    Args:
+        declared: what the shield is told.
+        actual: the bounds of what happens.
+        rate: Hz.
+        n: number of vehicles.
+        seed: of everything random.
+        settings: of the ``Shield``.
+    """
+    rng, period = np.random.default_rng([seed, rate]), 1.0 / rate
+    x, center, radius = start(rng, n)
+    shield = Shield(**settings) if declared is None else Shield(uncertainty=declared, **settings)
+    errors, policy = Errors(rng, n, actual, period), Policy(rng, n, center, period)
+    queue = np.zeros((n, actual.delay + 1, 3))
+    got_through = np.zeros((n, 3))
+    steps = round(SECONDS * rate)
+    clearance, speed = np.full(n, np.inf), np.zeros(n)
+    bad_steps = uncertified = changed = stopped = 0
+    for step in range(steps):
+        away = nearest_away(x, center, radius)
+        noise, push, gain, wind = errors.next(away)
+        estimate = x + noise
+        answer = shield.filter(estimate, center, radius, policy.snaps(estimate, away), period)
+        snap = answer.snap.copy()
+        if actual.losses and step > 0:
+            lost = rng.random(n) < LOSS
+            snap[lost] = shield.backup(lost)[lost] if shield.can_lose else got_through[lost]
+        got_through = snap
+        queue = np.concatenate([queue[:, 1:], snap[:, None]], axis=1)
+        flown = queue[:, 0] * (1 + gain) + push
+        least = np.full(n, np.inf)
+        for t in np.linspace(0.0, period, LOOKS + 1)[1:]:
+            r = moved(x, flown, wind, t)[:, 0]
+            least = np.minimum(least, (np.linalg.norm(r[:, None] - center, axis=2) - radius).min(axis=1))
+        x = moved(x, flown, wind, period)
+        clearance, speed = np.minimum(clearance, least), speed + np.linalg.norm(x[:, 1], axis=1) / steps
+        bad_steps += int((least < -ROUNDING).sum())
+        uncertified += int((~answer.certified).sum())
+        changed += int(answer.intervened.sum())
+        stopped += int(answer.stopped.sum())
+    violated = int((clearance < -ROUNDING).sum())
+    return Found(n * steps, n, bad_steps, violated, uncertified, clearance, speed, changed, stopped)

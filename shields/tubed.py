@@ -1,0 +1,198 @@
+"""The sampled shield under declared errors: every path of the vehicle lies in a tube around its stored stop.
+
+The shield works on the state predicted through the answers that are still on their way, with keep-out radii
+larger by T_r, and stops that leave the feedback its share of the limits (``shields.uncertainty``). So the
+sampled shield's proof holds for the stop, and the vehicle is in the tube around it.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_core.authority import Authority
+from quadsafe_core.borrow import borrowed, carved, one_row
+from quadsafe_core.jit import inline_kernel, kernel
+from shields.arcs import Flat, combined, flat_of, flown, write3, write_flat
+from shields.certificate import PLAN, advance_stop, tracking_snap
+from shields.filtered import BAD_SHAPES, DONE, FACTS, FLOATS, Kernels, checked_rows, velocities_or
+from shields.joint import (
+    PLAN_BYTES,
+    PLANS,
+    SETTINGS,
+    Bounds,
+    SampledMethod,
+    bounds_of,
+    joint_row,
+    places,
+    unpacked,
+)
+from shields.nearest import Width
+from shields.radial import triple, vector
+from shields.uncertainty import Tube, checked_uncertainty, tightened, tube_of
+
+FLAT_BYTES, POINT_BYTES, NUMBER_BYTES = 96, 24, 8
+
+
+@inline_kernel
+def tubed_places(n, k, delay):
+    """Where in the memory, behind that of a sampled shield, begins what a tubed one has as well, and its size.
+
+    The flat states, centres and radii that it works on, the stops before the last answers, and the answers that
+    are on their way.
+    """
+    flats = places(n, k)[3]
+    centers = flats + FLAT_BYTES * n
+    radii = centers + POINT_BYTES * n * k
+    before = radii + NUMBER_BYTES * n * k
+    pending = before + PLAN_BYTES * n
+    return flats, centers, radii, before, pending, pending + POINT_BYTES * n * delay
+
+
+@kernel
+def predicted(i, flat, pending, period):
+    """The flat state of row i when every answer that is on its way has been flown."""
+    x = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+    for answer in range(pending.shape[1]):
+        x = flown(x, triple(pending, i, answer), period)
+    return x
+
+
+@kernel
+def work_on(i, ahead, width, given, centers, radii):
+    """Put down what the sampled shield works on: radii with the tube, everything as it will be."""
+    center, velocity, radius = given
+    for k in range(radius.shape[1]):
+        write3(centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
+        # An absent sphere stays one.
+        radii[i, k] = radius[i, k] + width.vehicle if radius[i, k] > 0.0 else 0.0
+
+
+@kernel
+def send(i, snap, pending):
+    """Put the answer behind those that are on their way, the first of which has been flown."""
+    last = pending.shape[1] - 1
+    for answer in range(last):
+        write3(pending[i, answer], triple(pending, i, answer + 1))
+    if last >= 0:
+        write3(pending[i, last], vector(snap[i]))
+
+
+@kernel
+def tubed_batch(flat, center, radius, snap, velocity, memory, closing, authority, width, delay, out):
+    """Rows of ``joint_row`` on what will be when the answer is flown; the first code that is not ``DONE``."""
+    n, k = flat.shape[0], radius.shape[1]
+    flats_at, centers_at, radii_at, before_at, pending_at, size = tubed_places(n, k, delay)
+    half_spaces_at, velocities_at, stops_at, _ = places(n, k)
+    if not (memory.shape[0] == size and out.shape[0] == (3 + FACTS) * n):
+        return BAD_SHAPES
+    last, plans = carved(memory, half_spaces_at, FLOATS, (n, k, 4)), carved(memory, stops_at, PLANS, (n,))
+    before, pending = carved(memory, before_at, PLANS, (n,)), carved(memory, pending_at, FLOATS, (n, delay, 3))
+    flats, centers = carved(memory, flats_at, FLOATS, (n, 4, 3)), carved(memory, centers_at, FLOATS, (n, k, 3))
+    radii, moving = (
+        carved(memory, radii_at, FLOATS, (n, k)),
+        velocities_or(velocity, memory, velocities_at, n, k),
+    )
+    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
+    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority, width)
+    flat, center, radius = borrowed(flat), borrowed(center), borrowed(radius)
+    period = settings.sampling.period
+    code = checked_rows(flat, center, radius, moving, snap, safe)
+    for i in range(n):
+        if code == DONE:
+            write_flat(flats[i], predicted(i, flat, pending, period))
+            work_on(i, delay * period, width, (center, moving, radius), centers, radii)
+            before[i] = plans[i]
+            code = joint_row(i, flats, centers, radii, moving, snap, last, plans, settings, safe, facts)
+            send(i, safe, pending)
+    return code
+
+
+@kernel
+def tubed_one(flat, center, radius, snap, velocity, memory, closing, authority, width, delay, out):
+    """``tubed_batch`` of one vehicle without the leading axis."""
+    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
+    return tubed_batch(flats, centers, radii, snaps, velocity, memory, closing, authority, width, delay, out)
+
+
+@kernel
+def backup_batch(mask, flats, before, plans, pending, period, gains, snap_max, out):
+    """Of the rows of ``mask`` the stop before the last answer is flown, and stored again, in its place."""
+    for i in range(mask.shape[0]):
+        if mask[i]:
+            # A vehicle that has had no answer yet rests.
+            write3(out[i], (0.0, 0.0, 0.0))
+            if before[i]["is_stored"]:
+                x = flat_of(flats[i])
+                write3(out[i], tracking_snap(before[i], x, period, gains, snap_max))
+                advance_stop(before[i], period)
+            plans[i] = before[i]
+            last = pending.shape[1] - 1
+            if last >= 0:
+                write3(pending[i, last], vector(out[i]))
+
+
+class TubedMethod(SampledMethod):
+    """The sampled shield that knows how wrong its knowledge may be."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        super().__init__(settings)
+        uncertainty = checked_uncertainty(settings["uncertainty"])
+        assert uncertainty is not None
+        self._uncertainty = uncertainty
+
+    def allocate(self, rows: int, obstacles: int) -> None:
+        """Empty memory for every row, in one array."""
+        self._size = (rows, obstacles)
+        self.memory = np.zeros(int(tubed_places(rows, obstacles, self._uncertainty.delay)[-1]), dtype=np.uint8)
+
+    def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Empty the memory of some rows; what was on its way to them is not flown."""
+        super().forget(mask)
+        _, before, pending = self._ahead()
+        before[mask] = np.zeros((), dtype=PLAN)
+        pending[mask] = 0.0
+
+    def at(self, period: float) -> Kernels:
+        """What filters at a period."""
+        self._period, self._bounds = period, bounds_of(self._settings)
+        limits = self._bounds.limits
+        if self._uncertainty.gain > 0.0:
+            # A share of any snap whatever would be no bound.
+            limits = limits._replace(snap_max=min(limits.snap_max, self._bounds.input_max))
+        self.tube = tube_of(self._uncertainty, period, limits)
+        in_tube = in_the(self.tube, self._bounds._replace(limits=limits))
+        position, *_ = self.tube.deviation
+        width = Width(float(position), float(position + self.tube.error[0]))
+        own = (*self._own(period, in_tube, self.tube.gains), width, self._uncertainty.delay)
+        return Kernels(tubed_batch, tubed_one, own)
+
+    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""
+        flats, before, pending = self._ahead()
+        _, plans = self._parts()
+        out, limits = np.zeros((mask.shape[0], 3)), self._bounds.limits
+        gains = tuple(self.tube.gains.tolist())
+        backup_batch(mask, flats, before, plans, pending, self._period, gains, limits.snap_max, out)
+        return out
+
+    def _ahead(self) -> tuple[NDArray[np.float64], NDArray[np.void], NDArray[np.float64]]:
+        """The flat states worked on, the stops before the last answers, the answers on their way."""
+        n, k = self._size
+        flats, _, _, before, pending, _ = (int(at) for at in tubed_places(n, k, self._uncertainty.delay))
+        return (
+            carved(self.memory, flats, FLOATS, (n, 4, 3)),
+            carved(self.memory, before, PLANS, (n,)),
+            carved(self.memory, pending, FLOATS, (n, self._uncertainty.delay, 3)),
+        )
+
+
+def in_the(tube: Tube, bounds: Bounds) -> Bounds:
+    """What half-spaces and stops count on, so that a vehicle in the tube keeps to the bounds."""
+    limits = tightened(bounds.limits, tube)
+    if bounds.authority is None:
+        return bounds._replace(limits=limits)
+    band = limits.band
+    authority = Authority(limits.stop_snap_max, limits.jerk_max, band.least, band.most, band.gravity)
+    return Bounds(authority.snap_max, bounds.input_max, limits, authority)
