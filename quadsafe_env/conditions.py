@@ -36,6 +36,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quadsafe_core.checks import non_negative_number, one_of
+from quadsafe_core.jit import inline_kernel
 
 # Choices: a gust of a second, short beside a flight, and one of them in every four seconds.
 GUST_LENGTH = 1.0  # s
@@ -206,4 +207,28 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),
+    )
+
+
+@inline_kernel
+def unpacked_disturbance(c):
+    """The disturbance whose numbers are packed in ``c``, see ``quadsafe_env.plant``."""
+    return Disturbance(
+        (c[0], c[1], c[2], c[3]),
+        (c[4], c[5], c[6], c[7]),
+        c[8],
+        c[9],
+        c[10],
+        c[11],
+        c[12],
+        c[13],
+        c[14],
+        c[15],
+        c[16],
+        c[17],
+        c[18],
+        c[19],
+        c[20],
+        c[21],
+        c[22],
     )

@@ -21,7 +21,7 @@ from quadsafe_env.episode import observe_rows
 from quadsafe_env.film import FilmedWorld, ShownWorld
 from quadsafe_env.measure import MEASURES
 from quadsafe_env.params import QuadrotorParams
-from quadsafe_env.plant import VelocityGains
+from quadsafe_env.plant import VelocityGains, packed
 from quadsafe_env.scenes import Task
 from quadsafe_env.world import World
 
@@ -45,7 +45,7 @@ class DisturbedWorld(World):
     def __init__(self, n: int, task: Task, params: QuadrotorParams, *, conditions: Conditions, **settings: Any):
         self.conditions = conditions
         super().__init__(n, task, params, **settings)
-        self._disturbance = disturbance(conditions, self.control_period, 1.0 / self.rates.physics)
+        self._disturbance = packed(disturbance(conditions, self.control_period, 1.0 / self.rates.physics))
         # The other interfaces do not feed the estimate back.
         self._feedback = velocity_gains(self.control_period) if self._action == "velocity" else NO_FEEDBACK
 

@@ -29,6 +29,7 @@ from quadsafe_env.block import (
     measure_gaps,
     measure_here,
 )
+from quadsafe_env.conditions import unpacked_disturbance
 from quadsafe_env.counter_rng import uniform
 from quadsafe_env.draws import IMPULSE, INERTIA_AT, JITTER, MASS_AT, air_of, directed, period_key
 from quadsafe_env.episode import (
@@ -157,7 +158,7 @@ def advance_disturbed_batch(
     constants,
     rotors,
     substeps,
-    d,
+    numbers,
     m,
     closes,
     states,
@@ -171,7 +172,7 @@ def advance_disturbed_batch(
     flags,
 ):
     """Hold snap and yaw acceleration for a control period; the last one of a policy step closes it."""
-    plant, spheres = unpacked(constants), radius.shape[1]
+    plant, d, spheres = unpacked(constants), unpacked_disturbance(numbers), radius.shape[1]
     block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
     rows = flat_rows(states, goal, center, radius)
     for first in range(0, states.shape[0], LANES):

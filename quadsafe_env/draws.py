@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import add, norm, scale
 from quadsafe_env.actions import velocity_feedback
-from quadsafe_env.conditions import GUST_LENGTH, GUST_PERIOD, TURBULENCE_LIMIT
+from quadsafe_env.conditions import GUST_LENGTH, GUST_PERIOD, TURBULENCE_LIMIT, unpacked_disturbance
 from quadsafe_env.counter_rng import Key, derived_key, uniform
 
 # Far beyond the counters of the scene and of the later episodes.
@@ -105,8 +105,9 @@ def period_key(m, i):
 
 
 @kernel
-def draw_rows(rows, words, d, m):
+def draw_rows(rows, words, numbers, m):
     """Draw what holds for the episode of rows that begin one, and forget the last one."""
+    d = unpacked_disturbance(numbers)
     for i in rows:
         base = derived_key(Key(words[i, 0], words[i, 1]), STREAM)
         key, later = derived_key(base, 0), derived_key(base, 1)
@@ -133,8 +134,9 @@ def error_of(i, order, d, m):
 
 
 @kernel
-def estimate_batch(d, m, gains, flat, snap):
+def estimate_batch(numbers, m, gains, flat, snap):
     """Flat states with their errors, and snaps of the feedback ``gains`` from these; a nan stays nan."""
+    d = unpacked_disturbance(numbers)
     for i in range(flat.shape[0]):
         r, v = error_of(i, 0, d, m), error_of(i, 1, d, m)
         a, j = error_of(i, 2, d, m), error_of(i, 3, d, m)
@@ -147,8 +149,9 @@ def estimate_batch(d, m, gains, flat, snap):
 
 
 @kernel
-def estimated_states(rows, d, m, states):
+def estimated_states(rows, numbers, m, states):
     """Estimated position and velocity in place of the true ones, in the given rows."""
+    d = unpacked_disturbance(numbers)
     for i in rows:
         r, v = error_of(i, 0, d, m), error_of(i, 1, d, m)
         for axis in range(3):
@@ -157,8 +160,9 @@ def estimated_states(rows, d, m, states):
 
 
 @kernel
-def lost_batch(d, m, lost):
+def lost_batch(numbers, m, lost):
     """Whether the answer of the present period is lost."""
+    d = unpacked_disturbance(numbers)
     for i in range(lost.shape[0]):
         key, n = period_key(m, i)
         lost[i] = uniform(key, n + LOSS, 0.0, 1.0) < d.loss
