@@ -11,11 +11,11 @@
 |                      |         | first answer, snap and yaw acceleration 0 are flown                       |
 | `loss`               | –       | probability that the answer of a control period is lost                   |
 | `wind`               | m/s²    | constant acceleration of this length, its direction new in an episode     |
-| `gust`               | m/s²    | peak of a gust (1 − cos)/2 of ``GUST_LENGTH``, one in ``GUST_PERIOD``     |
-| `turbulence`         | m/s²    | standard deviation, per axis, of first-order Gauss–Markov noise with time |
-|                      |         | constant ``TURBULENCE_TIME``, shortened to three of it in norm            |
+| `gust`               | m/s²    | peak of a gust (1 − cos)/2 of one second, one in every four seconds       |
+| `turbulence`         | m/s²    | standard deviation, per axis, of first-order Gauss–Markov noise with a    |
+|                      |         | time constant of 0.5 s, shortened to three of it in norm                  |
 | `drag`               | 1/s     | acceleration −drag·v                                                      |
-| `gain`               | –       | (1 + e) times the snap is flown, \\|e\\| ≤ gain, one e for an episode     |
+| `gain`               | –       | (1 + e) times the snap is flown, e in [−gain, gain], one for an episode   |
 | `mass_error`         | –       | true over believed mass in [1 − e, 1 + e], one factor for an episode      |
 | `inertia_error`      | –       | the same for the three moments of inertia together                        |
 | `rotor_lag`          | s       | time constant of a first-order lag of the wrench (F_z, τ)                 |
@@ -29,21 +29,12 @@ control periods flown: the same scene is the same weather. ``docs/conditions.md`
 filter and the policy see.
 """
 
-import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from quadsafe_core.checks import non_negative_number, one_of
-from quadsafe_core.jit import inline_kernel
-
-# Choices: a gust of a second, short beside a flight, and one of them in every four seconds.
-GUST_LENGTH = 1.0  # s
-GUST_PERIOD = 4.0  # s
-# A choice near the scale of Dryden's model over speed: a few metres of air that pass at a few metres a second.
-TURBULENCE_TIME = 0.5  # s
-TURBULENCE_LIMIT = 3.0  # standard deviations of one axis
 
 
 class Conditions(NamedTuple):
@@ -157,78 +148,3 @@ def _field(name: str, value: Any) -> float | int:
     if name in FRACTIONS and number >= 1.0:
         raise ValueError(f"{name} must be in [0, 1), got {value!r}")
     return number
-
-
-class Disturbance(NamedTuple):
-    """What the kernels are told of conditions: the numbers that they need, in the order of the table above."""
-
-    noise: tuple[float, float, float, float]
-    bias: tuple[float, float, float, float]
-    loss: float
-    wind: float
-    gust: float
-    turbulence: float
-    turbulence_kept: float
-    half_drag: float
-    half_push: float
-    gain: float
-    mass_error: float
-    inertia_error: float
-    lag_kept: float
-    lag_mean: float
-    jitter: float
-    impulse: float
-    impulse_chance: float
-
-
-def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
-    """Conditions as numbers of a control period and a physics step ``dt``, s.
-
-    Over half a physics step drag and air turn v into ``half_drag v + half_push a``, the solution of
-    v̇ = a − drag v. Over a whole one the lag turns what it remembers, w, of the asked wrench u into
-    u + lag_kept (w − u), and gives u + lag_mean (w − u) in the mean, the solution of rotor_lag ẇ = u − w.
-    """
-    lag = -math.expm1(-dt / c.rotor_lag) if c.rotor_lag > 0.0 else 1.0
-    return Disturbance(
-        noise=c[0:4],
-        bias=c[4:8],
-        loss=c.loss,
-        wind=c.wind,
-        gust=c.gust,
-        turbulence=c.turbulence,
-        turbulence_kept=math.exp(-control_period / TURBULENCE_TIME),
-        half_drag=math.exp(-0.5 * c.drag * dt),
-        half_push=-math.expm1(-0.5 * c.drag * dt) / c.drag if c.drag > 0.0 else 0.5 * dt,
-        gain=c.gain,
-        mass_error=c.mass_error,
-        inertia_error=c.inertia_error,
-        lag_kept=1.0 - lag,
-        lag_mean=lag * c.rotor_lag / dt,
-        jitter=c.jitter,
-        impulse=c.impulse,
-        impulse_chance=-math.expm1(-c.impulse_rate * control_period),
-    )
-
-
-@inline_kernel
-def unpacked_disturbance(c):
-    """The disturbance whose numbers are packed in ``c``, see ``quadsafe_env.plant``."""
-    return Disturbance(
-        (c[0], c[1], c[2], c[3]),
-        (c[4], c[5], c[6], c[7]),
-        c[8],
-        c[9],
-        c[10],
-        c[11],
-        c[12],
-        c[13],
-        c[14],
-        c[15],
-        c[16],
-        c[17],
-        c[18],
-        c[19],
-        c[20],
-        c[21],
-        c[22],
-    )

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from quadsafe_env.actions import velocity_gains
 from quadsafe_env.authority import limit_yaw_batch
-from quadsafe_env.conditions import Conditions, disturbance
+from quadsafe_env.conditions import Conditions
+from quadsafe_env.disturbance import disturbance
 from quadsafe_env.disturbed_flight import advance_disturbed_batch
 from quadsafe_env.draws import (
     deliver_batch,

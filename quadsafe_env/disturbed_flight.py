@@ -29,8 +29,8 @@ from quadsafe_env.block import (
     measure_gaps,
     measure_here,
 )
-from quadsafe_env.conditions import unpacked_disturbance
 from quadsafe_env.counter_rng import uniform
+from quadsafe_env.disturbance import unpacked_disturbance
 from quadsafe_env.draws import IMPULSE, INERTIA_AT, JITTER, MASS_AT, air_of, directed, period_key
 from quadsafe_env.episode import (
     FLAGS,

@@ -12,8 +12,9 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 from quadsafe_env import CONDITIONS, Conditions
 from quadsafe_env.actions import velocity_gains
-from quadsafe_env.conditions import GUST_LENGTH, TURBULENCE_TIME, conditions_from
+from quadsafe_env.conditions import conditions_from
 from quadsafe_env.counter_rng import key_words
+from quadsafe_env.disturbance import GUST_LENGTH, TURBULENCE_TIME
 from quadsafe_env.disturbed import DisturbedWorld
 from quadsafe_env.params import PRESETS
 from quadsafe_env.rates import Rates
