@@ -74,13 +74,14 @@ def rk4(n: int, budget: float) -> None:
     print(f"dynamics.step, N = {n:<6} {fresh / 1e6:34.2f} M steps/s, in place {over / 1e6:8.2f}")
 
 
-def vector(n: int, budget: float) -> None:
-    env, rng = gymnasium.make_vec(NAME, n, **RATES), np.random.default_rng(0)
+def vector(n: int, budget: float, label: str = "", **keywords) -> None:
+    env, rng = gymnasium.make_vec(NAME, n, **RATES, **keywords), np.random.default_rng(0)
     env.reset(seed=0)
     # New directions all the time: under one command for minutes the numbers become denormal, and slow.
     actions = cycle(rng.uniform(-1, 1, (32, n, 4)).astype(np.float32))
     once = seconds(lambda: env.step(next(actions)), budget)
-    print(f"vector env, N = {n:<6} {n / once / 1e6:37.3f} M steps/s {1e9 * once / n:8.0f} ns a row")
+    rows = f"{n}{label}"
+    print(f"vector env, N = {rows:<24} {n / once / 1e6:19.3f} M steps/s {1e9 * once / n:8.0f} ns a row")
 
 
 def single(label: str, budget: float, **keywords) -> None:
@@ -99,6 +100,8 @@ def main() -> None:
         rk4(n, budget)
     for n in (1, 16, 64, 256, 1024, 4096, 65536):
         vector(n, budget)
+    for n in (1, 1024):
+        vector(n, budget, ", real conditions", conditions="randomised")
     single("", budget)
     single(", disable_env_checker=True", budget, disable_env_checker=True)
 

@@ -80,6 +80,12 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
     to [0, thrust_max/4], as told in ``quadsafe_env.rotors``, and the desired yaw motion to |ω_z| <= 2 rad/s and
     a yaw acceleration that the rotors can give. Within `authority()` no rotor is clipped.
 
+    ### Real conditions
+    By default the estimate is exact and every answer of the filter is flown at once, in still air, by the
+    modelled vehicle. `conditions=` switches on noise, bias, delay, loss, wind, drag, wrong models, lag, jitter
+    and impulses; ``quadsafe_env.conditions`` has the fields. Policy and filter then see an estimate, while
+    reward, cost and info stay true. ``conditions`` says what is on.
+
     ### Keywords
     See ``quadsafe_env.settings.build_world``.
 

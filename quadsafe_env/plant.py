@@ -46,9 +46,9 @@ class Plant(NamedTuple):
     terminate_on_violation: float
 
 
-def packed(plant: Plant) -> NDArray[np.float64]:
-    """The numbers of a plant, in the order of its fields."""
-    return np.array(list(_numbers(plant)))
+def packed(told: tuple) -> NDArray[np.float64]:
+    """The numbers of a plant, or of another tuple of tuples, in the order of its fields."""
+    return np.array(list(_numbers(told)))
 
 
 def _numbers(value) -> Iterator[float]:

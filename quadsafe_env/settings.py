@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, one_of, positive_integer
+from quadsafe_env.conditions import OFF, conditions_from
 from quadsafe_env.counter_rng import KEY_LIMIT
+from quadsafe_env.disturbed import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.film import FilmedWorld, ShownWorld
 from quadsafe_env.obstacles import spheres_from_rows
 from quadsafe_env.params import QuadrotorParams, params_from
@@ -27,6 +30,11 @@ TASKS = {
 }
 RENDER_MODES = ("human", "rgb_array")
 WORLDS: dict[str | None, type[World]] = {None: World, "rgb_array": FilmedWorld, "human": ShownWorld}
+DISTURBED_WORLDS: dict[str | None, type[DisturbedWorld]] = {
+    None: DisturbedWorld,
+    "rgb_array": FilmedDisturbedWorld,
+    "human": ShownDisturbedWorld,
+}
 FLOAT = np.dtype(np.float32)
 
 
@@ -45,6 +53,7 @@ def build_world(
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
     rotor_limits: bool = False,
+    conditions=None,
 ) -> World:
     """A world of ``n`` rows.
 
@@ -63,6 +72,7 @@ def build_world(
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.rotors``), and the desired
             yaw motion to ``quadsafe_env.authority.yaw_range``.
+        conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.conditions``.
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
@@ -74,16 +84,17 @@ def build_world(
         _check_room(drawn, vehicle)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
-    return WORLDS[render_mode](
-        n,
-        drawn,
-        vehicle,
-        action=action,
-        spheres=spheres,
-        rates=Rates(policy_hz, control_hz, physics_hz),
-        terminate_on_violation=_flag("terminate_on_violation", terminate_on_violation),
-        rotor_limits=_flag("rotor_limits", rotor_limits),
-    )
+    kept: dict[str, Any] = {
+        "action": action,
+        "spheres": spheres,
+        "rates": Rates(policy_hz, control_hz, physics_hz),
+        "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
+        "rotor_limits": _flag("rotor_limits", rotor_limits),
+    }
+    met = conditions_from(conditions)
+    if met == OFF:
+        return WORLDS[render_mode](n, drawn, vehicle, **kept)
+    return DISTURBED_WORLDS[render_mode](n, drawn, vehicle, conditions=met, **kept)
 
 
 def scene_integer(name: str, value) -> int:

@@ -22,9 +22,13 @@ class SnapFilter(Protocol):
 
     A filter that wants to be seen in pictures also has a read-only attribute ``done``: whether it changed the
     snap since the policy step began, (N,), and the sphere that asked for the largest correction, (N,), −1 for
-    none. One whose answers may be lost has an attribute ``backup``: called with the rows (N,) whose answer was,
-    directly after ``filter``, it gives the snaps (N, 3) that these fly instead; None, or no such attribute, and
-    they fly their last answer on.
+    none.
+
+    A filter whose answers may be lost (``quadsafe_env.conditions``) may have a method
+    ``backup(mask) -> (N, 3)``: the snaps that a watchdog on board flies instead, in the rows of ``mask``, (N,)
+    bool. It is called directly after ``filter`` of the same period, where an answer was lost, and before the
+    delay line; other rows of what it returns are not read. Without it the last snap that got through is flown
+    again, at first 0; with None in its place too.
     """
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:

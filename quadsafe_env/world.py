@@ -16,6 +16,7 @@ from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
 from quadsafe_env.authority import authority, limit_yaw_batch, yaw_range
 from quadsafe_env.block import LINES
+from quadsafe_env.conditions import OFF, Conditions
 from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
 from quadsafe_env.flatness import flat_batch
 from quadsafe_env.measure import MEASURES
@@ -57,6 +58,8 @@ class World:
         terminate_on_violation: whether a violation ends an episode.
         rotor_limits: whether each rotor, and the desired yaw acceleration, keeps to its range.
     """
+
+    conditions: Conditions = OFF
 
     def __init__(
         self,
@@ -286,6 +289,11 @@ class PlantAccess:
     def params(self) -> QuadrotorParams:
         """The vehicle."""
         return self._world.params
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the flight meets beyond the model; all off by default."""
+        return self._world.conditions
 
     def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``."""

@@ -1,0 +1,150 @@
+"""Real conditions: errors of the estimate, the link, the air, the model and the clock, all off by default.
+
+| field                | unit    | off by default; what it switches on                                       |
+|----------------------|---------|---------------------------------------------------------------------------|
+| `position_noise`, …  | m, …    | radius of an error of the estimate, new in every control period: uniform  |
+|                      |         | in the ball; one radius for each row of the flat state, up to             |
+|                      |         | `jerk_noise`, m/s³                                                        |
+| `position_bias`, …   | m, …    | length of an error of the estimate, one for an episode: uniform on the    |
+|                      |         | sphere; up to `jerk_bias`, m/s³                                           |
+| `delay`              | periods | control periods between the filter's answer and its flight; before the    |
+|                      |         | first answer, snap and yaw acceleration 0 are flown                       |
+| `loss`               | –       | probability that the answer of a control period is lost                   |
+| `wind`               | m/s²    | constant acceleration of this length, its direction new in an episode     |
+| `gust`               | m/s²    | peak of a gust (1 − cos)/2 of one second, one in every four seconds       |
+| `turbulence`         | m/s²    | standard deviation, per axis, of first-order Gauss–Markov noise with a    |
+|                      |         | time constant of 0.5 s, shortened to three of it in norm                  |
+| `drag`               | 1/s     | acceleration −drag·v                                                      |
+| `gain`               | –       | (1 + e) times the snap is flown, e in [−gain, gain], one for an episode   |
+| `mass_error`         | –       | true over believed mass in [1 − e, 1 + e], one factor for an episode      |
+| `inertia_error`      | –       | the same for the three moments of inertia together                        |
+| `rotor_lag`          | s       | time constant of a first-order lag of the wrench (F_z, τ)                 |
+| `jitter`             | –       | length of a control period over its nominal length in [1 − j, 1 + j], in  |
+|                      |         | whole physics steps, at least one                                         |
+| `impulse`            | m/s     | length of a sudden change of the velocity in a random direction           |
+| `impulse_rate`       | 1/s     | of such changes; one happens in a period T with probability 1 − e^(−rT)   |
+
+What is random is uniform, but for the turbulence, and a function of the scene's integer and of the number of
+control periods flown: the same scene is the same weather. ``docs/conditions.md`` has the formulas, and what the
+filter and the policy see.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from quadsafe_core.checks import non_negative_number, one_of
+
+
+class Conditions(NamedTuple):
+    """What a flight meets beyond the model; the module's text has fields and units. The default is nothing."""
+
+    position_noise: float = 0.0
+    velocity_noise: float = 0.0
+    acceleration_noise: float = 0.0
+    jerk_noise: float = 0.0
+    position_bias: float = 0.0
+    velocity_bias: float = 0.0
+    acceleration_bias: float = 0.0
+    jerk_bias: float = 0.0
+    delay: int = 0
+    loss: float = 0.0
+    wind: float = 0.0
+    gust: float = 0.0
+    turbulence: float = 0.0
+    drag: float = 0.0
+    gain: float = 0.0
+    mass_error: float = 0.0
+    inertia_error: float = 0.0
+    rotor_lag: float = 0.0
+    jitter: float = 0.0
+    impulse: float = 0.0
+    impulse_rate: float = 0.0
+
+
+OFF = Conditions()
+CONDITIONS = {
+    "off": OFF,
+    # Domain randomisation. Mass, inertia and gain: ±20 %, the middle one of the spreads of 10, 20 and 30 % that
+    # "One Net to Rule Them All" (2025, arXiv:2504.21586) compares on real racers. Estimate and rotors:
+    # "Sim-to-(Multi)-Real" (2019, arXiv:1903.04628) and its simulator, standard deviations of 5 mm and 1 cm/s
+    # an axis, taken here as the radius of the same spread, √5 of it, and a settling time of 0.15 s, four time
+    # constants. Delay, wind, turbulence, drag and jitter are choices.
+    "randomised": Conditions(
+        position_noise=0.011,
+        velocity_noise=0.022,
+        delay=1,
+        wind=0.3,
+        turbulence=0.1,
+        drag=0.1,
+        gain=0.2,
+        mass_error=0.2,
+        inertia_error=0.2,
+        rotor_lag=0.0375,
+        jitter=0.2,
+    ),
+}
+PROBABILITIES = ("loss",)
+FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
+
+
+def conditions_from(value: "str | Mapping | Conditions | list | tuple | None") -> Conditions:
+    """Checked conditions, every number but the delay a float.
+
+    Args:
+        value: None for none; name of a preset in ``CONDITIONS``; a mapping of fields, the missing ones taken
+            from the preset named under "preset" (default "off"); or Conditions, or the plain list that JSON
+            makes of them.
+
+    Raises:
+        TypeError: for a value or field of another kind.
+        ValueError: for an unknown preset or field, or a field out of range.
+    """
+    if value is None:
+        return OFF
+    if isinstance(value, str):
+        return CONDITIONS[one_of("conditions", value, tuple(CONDITIONS))]
+    if isinstance(value, Mapping):
+        return _checked(_completed(value))
+    if isinstance(value, tuple | list):
+        return _checked(_from_sequence(value))
+    raise TypeError(f"conditions must be a preset name, a mapping or Conditions, got {value!r}")
+
+
+def _completed(fields: Mapping) -> Conditions:
+    given = dict(fields)
+    preset = given.pop("preset", "off")
+    for name in given:
+        one_of("a field of conditions", name, Conditions._fields)
+    return CONDITIONS[one_of("conditions preset", preset, tuple(CONDITIONS))]._replace(**given)
+
+
+def _from_sequence(values: "tuple | list") -> Conditions:
+    if len(values) != len(Conditions._fields):
+        wanted = ", ".join(Conditions._fields)
+        raise ValueError(f"conditions as a sequence must hold {wanted}, got {len(values)} values")
+    return Conditions(*values)
+
+
+def _checked(conditions: Conditions) -> Conditions:
+    checked = Conditions._make(_field(name, value) for name, value in conditions._asdict().items())
+    if (checked.impulse > 0.0) != (checked.impulse_rate > 0.0):
+        raise ValueError(
+            f"impulse and impulse_rate must both be 0 or both be > 0, "
+            f"got {checked.impulse:g} and {checked.impulse_rate:g}"
+        )
+    return checked
+
+
+def _field(name: str, value: Any) -> float | int:
+    if name == "delay":
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+            raise ValueError(f"delay must be an integer >= 0, got {value!r}")
+        return int(value)
+    number = non_negative_number(name, value)
+    if name in PROBABILITIES and number > 1.0:
+        raise ValueError(f"{name} must be in [0, 1], got {value!r}")
+    if name in FRACTIONS and number >= 1.0:
+        raise ValueError(f"{name} must be in [0, 1), got {value!r}")
+    return number
