@@ -86,6 +86,14 @@ CONDITIONS = {
     ),
 }
 PROBABILITIES = ("loss",)
+UNBOUNDED = ("rotor_lag", "jitter", "impulse")
+# The turbulence is at most so many standard deviations long.
+TURBULENCE_LIMIT = 3.0
+# Above the largest error of the snap that the inner loop flies, m/s⁴, in any period of attacks at 50 to 200 Hz;
+# measured by ``benchmarks/robustness.py``.
+INNER_LOOP = 15.0
+# What bounds are for without other numbers, m/s.
+SPEED_COUNTED_ON = 5.0
 FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
 
 
@@ -148,3 +156,39 @@ def _field(name: str, value: Any) -> float | int:
     if name in FRACTIONS and number >= 1.0:
         raise ValueError(f"{name} must be in [0, 1), got {value!r}")
     return number
+
+
+def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:
+    """Bounds of what the conditions do to the flat state, by the names of ``shields.Uncertainty``.
+
+        estimate  noise + bias
+        snap      the inner loop's own error
+        gain      gain, and ι/(1 − ι) for an inertia error ι
+        wind      wind + gust + 3 turbulence + drag · speed + μ/(1 − μ) · thrust for a mass error μ
+
+    A flat acceleration is that of the believed vehicle: what mass and air add to it is wind.
+
+    Args:
+        conditions: what a flight meets.
+        speed: largest speed that is counted on, m/s.
+        thrust: largest specific thrust of the believed vehicle that is counted on, m/s².
+
+    Raises:
+        ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+    """
+    for name in UNBOUNDED:
+        if getattr(conditions, name) > 0.0:
+            raise ValueError(f"{name} must be 0 for bounds of what the conditions do, got {conditions}")
+    met = conditions
+    air = met.wind + met.gust + TURBULENCE_LIMIT * met.turbulence + met.drag * speed
+    return {
+        "position": met.position_noise + met.position_bias,
+        "velocity": met.velocity_noise + met.velocity_bias,
+        "acceleration": met.acceleration_noise + met.acceleration_bias,
+        "jerk": met.jerk_noise + met.jerk_bias,
+        "snap": INNER_LOOP,
+        "gain": met.gain + met.inertia_error / (1.0 - met.inertia_error),
+        "wind": air + met.mass_error / (1.0 - met.mass_error) * thrust,
+        "delay": met.delay,
+        "losses": met.loss > 0.0,
+    }

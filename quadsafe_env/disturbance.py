@@ -11,7 +11,6 @@ GUST_LENGTH = 1.0  # s
 GUST_PERIOD = 4.0  # s
 # A choice near the scale of Dryden's model over speed: a few metres of air that pass at a few metres a second.
 TURBULENCE_TIME = 0.5  # s
-TURBULENCE_LIMIT = 3.0  # standard deviations of one axis
 
 
 class Disturbance(NamedTuple):

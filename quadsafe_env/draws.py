@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import add, norm, scale
 from quadsafe_env.actions import velocity_feedback
+from quadsafe_env.conditions import TURBULENCE_LIMIT
 from quadsafe_env.counter_rng import Key, derived_key, uniform
-from quadsafe_env.disturbance import GUST_LENGTH, GUST_PERIOD, TURBULENCE_LIMIT, unpacked_disturbance
+from quadsafe_env.disturbance import GUST_LENGTH, GUST_PERIOD, unpacked_disturbance
 
 # Far beyond the counters of the scene and of the later episodes.
 STREAM = 1 << 30

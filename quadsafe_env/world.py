@@ -7,6 +7,7 @@ the safe one over the control period at the physics rate. With or without a filt
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
 from quadsafe_env.authority import authority, limit_yaw_batch, yaw_range
 from quadsafe_env.block import LINES
-from quadsafe_env.conditions import OFF, Conditions
+from quadsafe_env.conditions import OFF, SPEED_COUNTED_ON, Conditions, uncertainty_under
 from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
 from quadsafe_env.flatness import flat_batch
 from quadsafe_env.measure import MEASURES
@@ -298,6 +299,16 @@ class PlantAccess:
     def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
         return authority(self.params)
+
+    def uncertainty(self) -> dict[str, Any]:
+        """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
+
+        Raises:
+            ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+        """
+        return uncertainty_under(
+            self.conditions, speed=SPEED_COUNTED_ON, thrust=authority(self.params).thrust_max
+        )
 
     @property
     def action_scale(self) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that 
 ask ``snap_filter.done`` what the shield did.
 """
 
+from types import MappingProxyType
 from typing import Any
 
 import gymnasium
@@ -17,7 +18,8 @@ from quadsafe_core.checks import non_negative_number
 from shields.recorder import Recorder
 from shields.shield import Shield
 
-VEHICLE = "vehicle"
+# Settings that a word stands for: the plant has the numbers, by a method of the name of the setting.
+WORDS = MappingProxyType({"authority": "vehicle", "uncertainty": "conditions"})
 
 
 class Installation:
@@ -47,15 +49,21 @@ class Installation:
 
 
 def _resolved(settings: dict[str, Any], plant: Any) -> dict[str, Any]:
-    """The settings with the vehicle's authority in numbers."""
-    value = settings.get("authority")
+    """The settings with the plant's numbers in place of words."""
+    given = {name: _numbers(name, settings[name], plant) for name in WORDS if name in settings}
+    return {**settings, **given}
+
+
+def _numbers(name: str, value: Any, plant: Any) -> Any:
+    """The setting, or the plant's own if it is the word for that."""
     if not isinstance(value, str):
-        return settings
-    if value != VEHICLE:
-        raise ValueError(f"authority must be {VEHICLE!r}, an Authority, a mapping or None, got {value!r}")
-    if not hasattr(plant, "authority"):
-        raise TypeError(f"env must have authority() for authority={VEHICLE!r}, got {type(plant).__name__}")
-    return {**settings, "authority": plant.authority()}
+        return value
+    word = WORDS[name]
+    if value != word:
+        raise ValueError(f"{name} must be {word!r}, {name.title()}, a mapping or None, got {value!r}")
+    if not hasattr(plant, name):
+        raise TypeError(f"env must have {name}() for {name}={word!r}, got {type(plant).__name__}")
+    return getattr(plant, name)()
 
 
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
@@ -87,7 +95,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         intervention_penalty: taken off the reward, times the share of the step's control periods in which
             the shield intervened.
         settings: keyword arguments of ``Shield``. ``authority="vehicle"`` stands for the plant's own,
-            ``env.unwrapped.authority()``.
+            ``env.unwrapped.authority()``, and ``uncertainty="conditions"`` for the bounds of its conditions,
+            ``env.unwrapped.uncertainty()``.
 
     Raises:
         TypeError: if the environment has no slot.
@@ -97,9 +106,9 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     def __init__(self, env: gymnasium.Env, *, intervention_penalty: float = 0.0, **settings: Any):
         shield = Shield(**_resolved(settings, env.unwrapped))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        # The word, not its numbers: a rebuilt env may fly another vehicle.
-        word = {"authority": VEHICLE} if settings.get("authority") == VEHICLE else {}
-        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **{**shield.settings, **word})
+        # The words, not their numbers: a rebuilt env may fly another vehicle.
+        words = {name: word for name, word in WORDS.items() if settings.get(name) == word}
+        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **{**shield.settings, **words})
         gymnasium.Wrapper.__init__(self, env)
         self._penalty = penalty
         self._installation = Installation(env.unwrapped, shield, rows=1)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from quadsafe_core.authority import Authority
-from shields import Shield, ShieldWrapper, Uncertainty
+from shields import Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.arcs import ThrustBand
 from shields.certificate import FlightLimits
 from shields.uncertainty import (
@@ -310,6 +310,63 @@ def test_the_slot_offers_a_backup_where_losses_are_declared():
     assert told["stopped"] and (told["snap_applied"] == instead[0]).all()
     plain = ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0"))
     assert plain.unwrapped.snap_filter.backup is None
+
+
+MET = {
+    "position_noise": 0.003,
+    "velocity_noise": 0.005,
+    "position_bias": 0.002,
+    "acceleration_noise": 0.05,
+    "jerk_noise": 0.2,
+    "delay": 1,
+    "loss": 0.1,
+    "wind": 0.1,
+    "turbulence": 0.02,
+    "gain": 0.01,
+    "mass_error": 0.005,
+}
+
+
+def test_the_plant_has_the_bounds_of_its_conditions():
+    env = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=MET | {"drag": 0.1, "inertia_error": 0.2})
+    found = Uncertainty(**env.unwrapped.uncertainty())
+    thrust = env.unwrapped.authority().thrust_max
+    assert found.wind == pytest.approx(0.1 + 3 * 0.02 + 0.1 * 5.0 + 0.005 / 0.995 * thrust, rel=1e-12)
+    assert found[:5] == pytest.approx((0.005, 0.005, 0.05, 0.2, 15.0)) and found.gain == pytest.approx(0.26)
+    assert (found.delay, found.losses) == (1, True)
+    shielded = ShieldWrapper(
+        gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=MET), uncertainty="conditions"
+    )
+    again = gymnasium.make(shielded.spec)
+    assert again.get_wrapper_attr("shield").settings == shielded.shield.settings
+    for name in ("rotor_lag", "jitter"):
+        lagging = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions={name: 0.01})
+        with pytest.raises(ValueError, match=f"{name} must be 0 for bounds"):
+            ShieldWrapper(lagging, uncertainty="conditions")
+    with pytest.raises(ValueError, match="uncertainty must be 'conditions', Uncertainty, a mapping or None"):
+        ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0"), uncertainty="weather")
+
+
+def collisions(settings, seed=0, n=200):
+    """Violated flights straight at the goal, through the sphere, under these conditions; steps uncertified."""
+    env = gymnasium.make_vec("quadsafe_env:QuadSafe/Avoid-v0", n, conditions=MET, max_episode_steps=200)
+    env = env if settings is None else VectorShieldWrapper(env, **settings)
+    observations, _ = env.reset(seed=seed)
+    violated, open_flights, uncertified = np.zeros(n, bool), np.ones(n, bool), 0
+    for _ in range(200):
+        actions = np.zeros((n, 4), dtype=np.float32)
+        actions[:, :3] = np.clip(3.0 * observations[:, :3], -1, 1)
+        observations, _, terminated, truncated, info = env.step(actions)
+        violated |= info["violation"] & open_flights
+        if settings is not None:
+            uncertified += int((~info["shield"]["certified"] & open_flights).sum())
+        open_flights &= ~(terminated | truncated)
+    return int(violated.sum()), uncertified
+
+
+def test_in_the_rigid_body_conditions_within_the_bounds_find_nothing():
+    assert collisions({"uncertainty": "conditions"}) == (0, 0)
+    assert collisions(None)[0] > 100
 
 
 def test_backup_is_only_for_a_shield_that_counts_on_losses():
