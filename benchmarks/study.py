@@ -3,9 +3,11 @@
     ARMS="none shield collision-penalty shield-penalty cbf tracker random"
     python train.py --seed 10 --n-seeds 10 --arms $ARMS
     python benchmarks/study.py RUN [RUN …]    into docs/data/study_*.csv and docs/figures/study.png
+    python benchmarks/study.py RUN --name indoor    into docs/data/study_indoor*.csv
     python benchmarks/study.py                draw the picture and print the tables, from the CSV files
 
-Each action interface is one run; the picture shows that of the velocity commands.
+Each action interface is one run; the picture shows that of the velocity commands. A run under conditions gets
+a name of its own.
 """
 
 import argparse
@@ -31,10 +33,9 @@ CURVES = ["arm", "kind", "steps", "middle", "low", "high"]
 Row = dict[str, Any]
 
 
-def keep(run: Run) -> None:
+def keep(run: Run, study: str) -> None:
     """The small files of a run: one row a seed, one a group, and the curves of training."""
-    action = run.experiment.action
-    for name, kept in (("seeds.csv", f"study_{action}_seeds.csv"), ("results.csv", f"study_{action}.csv")):
+    for name, kept in (("seeds.csv", f"study_{study}_seeds.csv"), ("results.csv", f"study_{study}.csv")):
         shutil.copyfile(run.folder / name, DATA / kept)
     rows = result_rows(seed_rows(run))
     trained = [row["arm"] for row in rows if row["phase"] == "training" and row["episodes"]]
@@ -45,7 +46,7 @@ def keep(run: Run) -> None:
         for arm, curve in curves.items()
         for point in zip(*curve, strict=True)
     ]
-    write_csv(DATA / f"study_{action}_curves.csv", CURVES, points)
+    write_csv(DATA / f"study_{study}_curves.csv", CURVES, points)
 
 
 def rows_of(path: Path) -> list[Row]:
@@ -63,18 +64,18 @@ def _value(text: str) -> Any:
         return text
 
 
-def tables(action: str) -> str:
+def tables(study: str) -> str:
     """Training and evaluation as Markdown."""
-    rows = rows_of(DATA / f"study_{action}.csv")
+    rows = rows_of(DATA / f"study_{study}.csv")
     training = [row for row in rows if row["phase"] == "training"]
     flown = [row for row in rows if row["phase"] == "evaluation"]
     head = ["trained with", "violations", "rate, %", "per 1,000 steps", "per km", "success, %", "acts, %"]
     body = [[row["title"], *_counts(row), percentage(row, "success_rate"), _acts(row)] for row in training]
-    parts = [f"Training, {action} commands", _markdown(head, body)]
+    parts = [f"Training, {study}", _markdown(head, body)]
     head = ["trained with", "flown", "violations", "rate, %", "Δ to no shield, points", "success, %"]
     head += ["Δ, points", "return", "acts, %", "runs a flight", "mean correction, m/s⁴"]
     body = [_flight_cells(row) for row in flown]
-    return "\n\n".join([*parts, f"Held-out flights, {action} commands", _markdown(head, body)])
+    return "\n\n".join([*parts, f"Held-out flights, {study}", _markdown(head, body)])
 
 
 def _flight_cells(row: Row) -> list[str]:
@@ -181,8 +182,11 @@ def _forest(axis: Any, rows: list[Row]) -> None:
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", type=Path, help="folders of finished runs")
-    for folder in parser.parse_args(arguments).runs:
-        keep(open_run(folder))
+    parser.add_argument("--name", help="of the study of one run; by default its action interface")
+    given = parser.parse_args(arguments)
+    for folder in given.runs:
+        run = open_run(folder)
+        keep(run, given.name or run.experiment.action)
     draw()
     for path in sorted(DATA.glob("study_*_seeds.csv")):
         print(tables(path.name.removeprefix("study_").removesuffix("_seeds.csv")) + "\n")
