@@ -249,7 +249,7 @@ def main() -> None:
         jobs = [job for job in (*chain_jobs(scale), *body_jobs(scale)) if job.key.startswith(given.only)]
         run(jobs, given.out, given.jobs)
     if given.out == CSV:
-        report.write(rows_of(CSV), PAGE, FIGURES / "robustness.png")
+        report.write(rows_of(CSV), PAGE, FIGURES / "robustness.png", KINDS)
 
 
 if __name__ == "__main__":
