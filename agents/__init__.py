@@ -26,12 +26,12 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "B
         ValueError: for files that do not hold a config or weights.
     """
     from agents.algorithms import load_policy
-    from agents.runs import open_run
+    from agents.runs import open_run, spelled
 
     opened = open_run(run)
     trained = opened.trained()
     arm = trained[-1][0] if arm is None else arm
-    seed = next((s for a, s in trained if a == arm), -1) if seed is None else seed
+    seed = next((s for a, s in trained if a == arm), 0) if seed is None else seed
     if (arm, seed) not in trained:
-        raise FileNotFoundError(f"arm and seed must be one of {trained}, got {(arm, seed)}")
+        raise FileNotFoundError(f"arm and seed must be of {spelled(trained)} in {run}, got {arm} {seed}")
     return load_policy(opened, arm, seed)

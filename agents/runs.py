@@ -31,6 +31,28 @@ from agents.arms import ARMS
 from agents.config import Experiment, Options, experiment_from_dict, to_dict
 
 
+def spelled(jobs: Iterable[tuple[str, int]]) -> str:
+    """Every (arm, seed) in few words, as "none, shield with seeds 0 to 9; tracker with seed 0"."""
+    seeds: dict[str, list[int]] = {}
+    for arm, seed in jobs:
+        seeds.setdefault(arm, []).append(seed)
+    arms: dict[str, list[str]] = {}
+    for arm, own in seeds.items():
+        arms.setdefault(_spelled_seeds(sorted(own)), []).append(arm)
+    return "; ".join(f"{', '.join(names)} with {told}" for told, names in arms.items())
+
+
+def _spelled_seeds(seeds: list[int]) -> str:
+    stretches: list[list[int]] = []
+    for seed in seeds:
+        if stretches and seed == stretches[-1][-1] + 1:
+            stretches[-1].append(seed)
+        else:
+            stretches.append([seed])
+    told = (f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in stretches)
+    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(told)}"
+
+
 @dataclass(frozen=True)
 class Run:
     """A run folder and the experiment in it."""

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from agents.arms import ARMS
 from agents.build import make_env, of_arm
 from agents.evaluate import Agent, agent_of, held_out_scenes
-from agents.runs import Run
+from agents.runs import Run, spelled
 from agents.trace import chosen
 from agents.video import check_video, write_video
 from quadsafe_env.settings import scene_integer
@@ -124,6 +124,5 @@ def chosen_flight(run: Run, arm: str | None, seed: int | None, scene: int | None
     if seed is None:
         seed = own_seed if (arm, own_seed) in jobs else next((s for a, s in jobs if a == arm), 0)
     if (arm, seed) not in jobs:
-        known = ", ".join(f"{a} {s}" for a, s in jobs)
-        raise ValueError(f"arm and seed must be one of {known} in {run.folder}, got {arm} {seed}")
+        raise ValueError(f"arm and seed must be of {spelled(jobs)} in {run.folder}, got {arm} {seed}")
     return arm, seed, own_scene if scene is None else scene_integer("scene", scene)

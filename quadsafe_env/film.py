@@ -31,31 +31,33 @@ NO_PAST = Past(np.zeros((0, 3)), np.zeros(0, dtype=np.bool_))
 
 
 class Trail:
-    """The path of one episode in at most ``LENGTH`` + 1 points: at each limit every second one is dropped."""
+    """The path of one episode in at most ``LENGTH`` points: beyond them every second one is dropped."""
 
     def __init__(self, position: NDArray[np.float64]):
-        self._points = [(position.copy(), False)]
-        self._stride, self._age = 1, 0
+        self._points, self._corrected = np.empty((LENGTH + 1, 3)), np.zeros(LENGTH + 1, dtype=np.bool_)
+        self._points[0] = position
+        self._count, self._stride, self._age = 1, 1, 0
 
     def add(self, position: NDArray[np.float64], is_corrected: bool) -> None:
         """Go on to a position."""
         if self._age % self._stride:
-            is_corrected |= self._points.pop()[1]
-        self._points.append((position.copy(), is_corrected))
+            self._count -= 1
+            is_corrected |= bool(self._corrected[self._count])
+        self._points[self._count], self._corrected[self._count] = position, is_corrected
+        self._count += 1
         self._age += 1
-        if len(self._points) > LENGTH:
+        if self._count > LENGTH:
             self._thin()
 
     def _thin(self) -> None:
-        first, *later = self._points
-        pairs = zip(later[::2], later[1::2], strict=True)
-        self._points = [first, *((point, before or here) for (_, before), (point, here) in pairs)]
+        points, corrected = self._points[2::2].copy(), self._corrected[1::2] | self._corrected[2::2]
+        self._count = 1 + len(points)
+        self._points[1 : self._count], self._corrected[1 : self._count] = points, corrected
         self._stride *= 2
 
     def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Points (M, 3), and whether the way to each was corrected, (M,)."""
-        points, corrected = zip(*self._points, strict=True)
-        return np.array(points), np.array(corrected)
+        return self._points[: self._count].copy(), self._corrected[: self._count].copy()
 
 
 class FilmedWorld(World):

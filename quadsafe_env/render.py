@@ -7,6 +7,7 @@ leaves. The vehicle is drawn larger than it is: what counts is its centre agains
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from quadsafe_env.film import NO_PAST, Past
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.params import QuadrotorParams
-from quadsafe_env.sprites import BOTTOM, SIZE, Color, Patch, backdrop, ball, blend, circle, font, pygame, shell
+from quadsafe_env.sprites import BOTTOM, SIZE, Patch, backdrop, ball, blend, circle, font, pygame, shell
 from quadsafe_env.state import ATTITUDE, OMEGA, POSITION, THRUST, VELOCITY
 from quadsafe_env.task import GOAL_RADIUS
 
@@ -61,9 +62,9 @@ class View(NamedTuple):
         """Distance from the eye (…) of world points (…, 3)."""
         return np.linalg.norm(np.asarray(points) - self.eye, axis=-1)
 
-    def size(self, point, radius: float) -> float:
-        """Radius in pixels of a ball around a point."""
-        return FOCAL * radius / math.sqrt(float(self.distance(point)) ** 2 - radius**2)
+    def sizes(self, points, radii) -> NDArray[np.float64]:
+        """Radii in pixels (…) of balls of given radii around points (…, 3)."""
+        return FOCAL * radii / np.sqrt(self.distance(points) ** 2 - radii**2)
 
     def is_open(self, spheres: Spheres) -> NDArray[np.bool_]:
         """Spheres (K,) that leave the scene to be seen: not in front of the camera, and not vast."""
@@ -101,7 +102,7 @@ def frame(
     draw_ground(view)
     draw_feet(view, state, goal, start, drawn)
     jobs = [*sphere_jobs(view, drawn, tints.tolist(), params.radius), *trail_jobs(view, past)]
-    draw_bodies(view, state, params, [*jobs, (float(view.distance(goal)), draw_goal, (view, goal))])
+    draw_bodies(view, state, params, [*jobs, goal_job(view, goal)])
     draw_readings(view, state, goal, present, params)
     draw_notice(view, past)
     pixels = np.empty((SIZE, SIZE, 3), dtype=np.uint8)
@@ -149,25 +150,27 @@ def draw_grid(view: View) -> None:
     pixels = view.pixels(np.stack([x, y, np.full(x.shape, view.ground)], axis=-1))
     far = np.hypot(x - view.middle[0], y - view.middle[1]) / (2.0 * view.reach)
     colors = [blend(GRID, BOTTOM, 0.35 + 0.065 * tenth) for tenth in range(10)]
-    for ends, shares in ((pixels, far), (pixels.swapaxes(0, 1), far.T)):
-        for i, k in np.argwhere(shares[:, :-1] < 1.0):
-            pygame.draw.aaline(view.canvas, colors[int(10.0 * shares[i, k])], ends[i, k], ends[i, k + 1])
+    for ends, shares in ((pixels, far[:, :-1]), (pixels.swapaxes(0, 1), far.T[:, :-1])):
+        is_near = shares < 1.0
+        starts, stops = ends[:, :-1][is_near].tolist(), ends[:, 1:][is_near].tolist()
+        for share, start, end in zip(shares[is_near].tolist(), starts, stops, strict=True):
+            pygame.draw.aaline(view.canvas, colors[int(10.0 * share)], start, end)
 
 
 def draw_feet(view: View, state, goal, start, spheres: Spheres) -> None:
     """What ties the scene to the ground: shadows, and posts below start, goal and vehicle."""
-    for center, radius in zip(spheres.center, spheres.radius, strict=True):
-        draw_disc(view, center, radius, SHADOW)
-    for top, color in ((start, START), (goal, GOAL), (state[POSITION:VELOCITY], ARM)):
-        draw_disc(view, top, 0.03 * view.reach, blend(color, BOTTOM, 0.35))
-        ends = view.pixels([top, (top[0], top[1], view.ground)])
+    tops, colors = np.array([start, goal, state[POSITION:VELOCITY]]), (START, GOAL, ARM)
+    places = np.concatenate([spheres.center, tops])
+    radii = np.concatenate([spheres.radius, np.full(3, 0.03 * view.reach)])
+    rims = np.full((len(places), 28, 3), view.ground)
+    rims[..., :2] = places[:, None, :2] + radii[:, None, None] * circle(28)
+    *shadows, start_rim, goal_rim, own_rim = view.pixels(rims)
+    for rim in shadows:
+        pygame.draw.polygon(view.canvas, SHADOW, rim)
+    posts = view.pixels([(top, (top[0], top[1], view.ground)) for top in tops])
+    for color, rim, ends in zip(colors, (start_rim, goal_rim, own_rim), posts, strict=True):
+        pygame.draw.polygon(view.canvas, blend(color, BOTTOM, 0.35), rim)
         pygame.draw.aaline(view.canvas, blend(color, BOTTOM, 0.6), *ends)
-
-
-def draw_disc(view: View, place, radius: float, color: Color) -> None:
-    """A disc on the ground below a place."""
-    rim = np.column_stack([place[:2] + radius * circle(28), np.full(28, view.ground)])
-    pygame.draw.polygon(view.canvas, color, view.pixels(rim))
 
 
 def draw_bodies(view: View, state, params: QuadrotorParams, jobs: list[Job]) -> None:
@@ -175,7 +178,7 @@ def draw_bodies(view: View, state, params: QuadrotorParams, jobs: list[Job]) -> 
     vehicle = vehicle_patch(view, state, params)
     image, distance = vehicle.shrunk(), float(view.distance(state[POSITION:VELOCITY]))
     own: Job = (distance, view.canvas.blit, (image, vehicle.corner))
-    for _, draw, arguments in sorted([*jobs, own], key=lambda job: -job[0]):
+    for _, draw, arguments in sorted([*jobs, own], key=itemgetter(0), reverse=True):
         draw(*arguments)
     image.set_alpha(GHOST)
     view.canvas.blit(image, vehicle.corner)
@@ -193,18 +196,27 @@ def shell_tints(state, spheres: Spheres, past: Past) -> NDArray[np.int64]:
 
 def sphere_jobs(view: View, spheres: Spheres, tints, vehicle_radius: float) -> list[Job]:
     """The spheres in their keep-out shells."""
-    distances = view.distance(spheres.center).tolist()
-    bodies = zip(distances, spheres.center, spheres.radius, tints, strict=True)
+    pixels, distances = view.pixels(spheres.center).tolist(), view.distance(spheres.center).tolist()
+    balls = view.sizes(spheres.center, spheres.radius - vehicle_radius).tolist()
+    shells = view.sizes(spheres.center, spheres.radius).tolist()
     return [
-        (distance, draw_sphere, (view, center, radius, vehicle_radius, tuple(tint)))
-        for distance, center, radius, tint in bodies
+        (distance, draw_ball_in_shell, (view, pixel, (inner, outer), (OBSTACLE, tuple(tint))))
+        for distance, pixel, inner, outer, tint in zip(distances, pixels, balls, shells, tints, strict=True)
     ]
 
 
-def draw_sphere(view: View, center, keep_out: float, vehicle_radius: float, tint: Color) -> None:
-    """An obstacle in its keep-out shell."""
-    stamp(view, center, keep_out - vehicle_radius, ball, OBSTACLE)
-    stamp(view, center, keep_out, shell, tint)
+def goal_job(view: View, goal) -> Job:
+    """The ball that counts as arrived."""
+    halves = view.sizes(goal, np.array([GOAL_RADIUS, 2.0 * GOAL_RADIUS])).tolist()
+    return (float(view.distance(goal)), draw_ball_in_shell, (view, view.pixels(goal), halves, (GOAL, GOAL)))
+
+
+def draw_ball_in_shell(view: View, pixel, halves, colors) -> None:
+    """A ball in a shell around a pixel, each half as wide as told."""
+    for sprite, half, color in zip((ball, shell), halves, colors, strict=True):
+        if half >= 1.0:
+            corner = (round(pixel[0] - half), round(pixel[1] - half))
+            view.canvas.blit(sprite(color, round(2.0 * half)), corner)
 
 
 def trail_jobs(view: View, past: Past) -> list[Job]:
@@ -220,37 +232,25 @@ def trail_jobs(view: View, past: Past) -> list[Job]:
     ]
 
 
-def draw_goal(view: View, goal) -> None:
-    """The ball that counts as arrived."""
-    stamp(view, goal, GOAL_RADIUS, ball, GOAL)
-    stamp(view, goal, 2.0 * GOAL_RADIUS, shell, GOAL)
-
-
-def stamp(view: View, place, radius: float, sprite, color: Color) -> None:
-    """A sprite over the ball of a given radius around a place."""
-    half = view.size(place, radius)
-    if half >= 1.0:
-        left, top = view.pixels(place) - half
-        view.canvas.blit(sprite(color, round(2.0 * half)), (round(left), round(top)))
-
-
 def vehicle_patch(view: View, state, params: QuadrotorParams) -> Patch:
     """Arms, rotors, the nose's pair in another colour, and a line that is longer for more thrust."""
     growth = max(1.0, VEHICLE_SHARE * view.reach / params.radius)
     hub, Q = state[POSITION:VELOCITY], state[ATTITUDE:OMEGA].reshape(3, 3)
     lift = min(state[THRUST] / (params.mass * params.gravity), 3.0)
-    half = math.ceil(view.size(hub, 1.6 * max(lift, 1.5) * growth * params.radius))
-    patch = Patch(np.floor(view.pixels(hub)) - half, 2 * half, ROTOR)
     ends = growth * params.arm * math.sqrt(0.5) * np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
     rim = growth * (params.radius - params.arm) * np.column_stack([circle(24), np.zeros(24)])
     tips, top = hub + ends @ Q.T, hub + 1.5 * growth * params.radius * lift * Q[:, 2]
+    rims = tips[:, None] + rim @ Q.T
+    points = view.pixels(np.concatenate([[hub, top], tips, rims.reshape(-1, 3)]))
+    hub_pixel, top_pixel, arms, rotors = points[0], points[1], points[2:6], points[6:].reshape(4, 24, 2)
+    patch = Patch(points, ROTOR)
     far_first = np.argsort(-view.distance(tips))
     for k in far_first:
-        patch.line(view.pixels([hub, tips[k]]), ARM, 3.0)
+        patch.line(hub_pixel, arms[k], ARM, 3.0)
     for k in far_first:
-        patch.glass(view.pixels(tips[k] + rim @ Q.T), NOSE if k < 2 else ROTOR)
-    patch.line(view.pixels([hub, top]), LIFT, 2.0)
-    patch.dot(view.pixels(hub), ARM, 4.0)
+        patch.glass(rotors[k], NOSE if k < 2 else ROTOR)
+    patch.line(hub_pixel, top_pixel, LIFT, 2.0)
+    patch.dot(hub_pixel, ARM, 4.0)
     return patch
 
 

@@ -14,6 +14,7 @@ import pygame.font
 SIZE = 480  # pixels of a frame's side
 SPRITE = 256  # pixels of a sprite's side, before it is scaled
 SMOOTHING = 3
+EDGE = 6  # pixels of a patch around the points drawn in it
 TOP, BOTTOM = (18, 23, 34), (52, 63, 82)
 LIGHT = np.array([-0.45, -0.70, -0.55]) / math.hypot(0.45, 0.70, 0.55)  # right, down, ahead
 
@@ -105,20 +106,22 @@ def circle(count: int) -> NDArray[np.float64]:
 class Patch:
     """A small transparent canvas, drawn enlarged and then shrunk, which smooths every edge.
 
-    Points are pixels of the frame; ``corner`` is the frame's pixel at the patch's upper left.
+    Points are pixels of the frame; the patch holds the given ones (…, 2), and ``EDGE`` more on every side;
+    ``corner`` is the frame's pixel at its upper left.
     """
 
-    def __init__(self, corner: NDArray[np.float64], side: int, background: Color):
-        self.corner = corner
-        self.side = side
-        self.canvas = pygame.Surface((side * SMOOTHING, side * SMOOTHING), pygame.SRCALPHA, 32)
+    def __init__(self, points: NDArray[np.float64], background: Color):
+        self.corner = np.floor(points.min(axis=0)) - EDGE
+        width, height = (np.ceil(points.max(axis=0)) + EDGE - self.corner).tolist()
+        self.size = (int(width), int(height))
+        self.canvas = pygame.Surface((SMOOTHING * self.size[0], SMOOTHING * self.size[1]), pygame.SRCALPHA, 32)
         # Shrinking mixes in the colour of transparent pixels.
         self.canvas.fill((*background, 0))
 
-    def line(self, ends, color: Color, width: float) -> None:
+    def line(self, start, end, color: Color, width: float) -> None:
         """A line between two points, ``width`` pixels wide."""
-        start, end = SMOOTHING * (ends - self.corner)
-        pygame.draw.line(self.canvas, color, start, end, round(width * SMOOTHING))
+        ends = (SMOOTHING * (start - self.corner), SMOOTHING * (end - self.corner))
+        pygame.draw.line(self.canvas, color, *ends, round(width * SMOOTHING))
 
     def dot(self, point, color: Color, radius: float) -> None:
         """A disc of ``radius`` pixels."""
@@ -131,5 +134,5 @@ class Patch:
         pygame.draw.polygon(self.canvas, color, points, SMOOTHING)
 
     def shrunk(self) -> pygame.Surface:
-        """The finished patch, ``side`` pixels wide."""
-        return pygame.transform.smoothscale(self.canvas, (self.side, self.side))
+        """The finished patch, in the pixels of the frame."""
+        return pygame.transform.smoothscale(self.canvas, self.size)

@@ -65,7 +65,7 @@ def rim_color(position):
     """Colour of the shell where it is brightest, just inside its outline on the right."""
     view = view_of(np.asarray(position), FINISH, START, ONE_SPHERE)
     column, row = view.pixels([0.0, 0.0, 0.0])
-    edge = column + 0.985 * view.size(np.zeros(3), 0.6)
+    edge = column + 0.985 * float(view.sizes(np.zeros(3), 0.6))
     return picture(position)[round(row), round(edge)].astype(float)
 
 

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import agents
 import train
 from agents import runs, trace, video
+from agents.arms import ARMS
+from agents.config import Experiment
 from quadsafe_env import window
 
 TINY = shlex.split(
@@ -78,8 +81,8 @@ class Impatient:
 @pytest.mark.parametrize(
     "words, sentence",
     [
-        (["--arm", "cbf"], "arm and seed must be one of none 0, shield 0 in .*, got cbf 0"),
-        (["--seed", "7"], "arm and seed must be one of none 0, shield 0 in .*, got .* 7"),
+        (["--arm", "cbf"], "arm and seed must be of none, shield with seed 0 in .*, got cbf 0"),
+        (["--seed", "7"], "arm and seed must be of none, shield with seed 0 in .*, got .* 7"),
         (["--scene", "-3"], r"scene must be an integer in \[0, 2\^64\), got -3"),
         (["--video", "flight.avi"], "the ending of video must be one of '.webp', '.gif', '.mp4', got '.avi'"),
     ],
@@ -89,6 +92,19 @@ def test_what_cannot_be_watched_is_said_in_a_sentence(run, words, sentence, caps
         train.main(["watch", str(run.folder), *words])
     [line] = capsys.readouterr().err.splitlines()
     assert re.fullmatch("train.py: error: " + sentence, line)
+
+
+def test_the_agents_of_a_large_run_are_told_in_few_words():
+    jobs = Experiment(arms=tuple(ARMS), n_seeds=10).jobs()
+    assert len(jobs) == 61
+    trained = "none, collision-penalty, shield, shield-penalty, cbf, random with seeds 0 to 9"
+    assert runs.spelled(jobs) == f"{trained}; tracker with seed 0"
+    assert runs.spelled([("none", 7), ("none", 2), ("none", 3)]) == "none with seeds 2 to 3, 7"
+
+
+def test_a_policy_that_was_not_trained_cannot_be_loaded(run):
+    with pytest.raises(FileNotFoundError, match=r"of none, shield with seed 0 in .*, got random 0"):
+        agents.load(run.folder, "random")
 
 
 def a_program(folder, monkeypatch, text):
