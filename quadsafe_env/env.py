@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.counter_rng import key_words
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     RENDER_MODES,
     action_array,
@@ -19,7 +20,6 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.state import STATE_SIZE
-from quadsafe_env.world import PlantAccess
 
 ROW = np.zeros(1, dtype=np.intp)
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
     build_world,
@@ -20,7 +21,7 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.state import STATE_SIZE
-from quadsafe_env.world import INFO_KEYS, PlantAccess
+from quadsafe_env.world import INFO_KEYS
 
 RENDER_MODES = ("rgb_array",)
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)

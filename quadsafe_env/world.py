@@ -7,17 +7,15 @@ the safe one over the control period at the physics rate. With or without a filt
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.authority import Authority
 from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
-from quadsafe_env.authority import authority, limit_yaw_batch, yaw_range
+from quadsafe_env.authority import limit_yaw_batch, yaw_range
 from quadsafe_env.block import LINES
-from quadsafe_env.conditions import OFF, SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.conditions import OFF, Conditions
 from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
 from quadsafe_env.flatness import flat_batch
 from quadsafe_env.measure import MEASURES
@@ -43,7 +41,7 @@ INFO_KEYS = (
     "saturated",
 )
 
-__all__ = ["Filtered", "PassThrough", "Passed", "PlantAccess", "Rates", "SnapFilter", "World"]
+__all__ = ["Filtered", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
 
 
 class World:
@@ -279,57 +277,3 @@ class World:
             "saturated": saturated,
         }
         return reward, terminated, info
-
-
-class PlantAccess:
-    """The plant's side of the bridge that the single and the vector env have in common."""
-
-    _world: World
-
-    @property
-    def params(self) -> QuadrotorParams:
-        """The vehicle."""
-        return self._world.params
-
-    @property
-    def conditions(self) -> Conditions:
-        """What the flight meets beyond the model; all off by default."""
-        return self._world.conditions
-
-    def authority(self) -> Authority:
-        """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
-        return authority(self.params)
-
-    def uncertainty(self) -> dict[str, Any]:
-        """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
-
-        Raises:
-            ValueError: for rotor lag, jitter or impulses, which have no such bounds.
-        """
-        return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=authority(self.params).thrust_max
-        )
-
-    @property
-    def action_scale(self) -> NDArray[np.float64]:
-        """SI value of an action of 1, (4,)."""
-        return self._world.action_scale.copy()
-
-    @property
-    def control_period(self) -> float:
-        """Time between two calls of the filter slot, s."""
-        return self._world.control_period
-
-    @property
-    def is_shielded(self) -> bool:
-        """Whether the filter slot is taken."""
-        return self._world.is_shielded
-
-    @property
-    def snap_filter(self) -> SnapFilter:
-        """The filter slot; see ``quadsafe_env.world.SnapFilter``."""
-        return self._world.snap_filter
-
-    @snap_filter.setter
-    def snap_filter(self, value: SnapFilter) -> None:
-        self._world.snap_filter = value

@@ -1,0 +1,67 @@
+"""The plant's side of the bridge: what a shield, or any other wrapper, may ask an environment."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_core.authority import Authority
+from quadsafe_env.authority import authority
+from quadsafe_env.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.params import QuadrotorParams
+from quadsafe_env.slot import SnapFilter
+from quadsafe_env.world import World
+
+
+class PlantAccess:
+    """The plant's side of the bridge that the single and the vector env have in common."""
+
+    _world: World
+
+    @property
+    def params(self) -> QuadrotorParams:
+        """The vehicle."""
+        return self._world.params
+
+    @property
+    def conditions(self) -> Conditions:
+        """What the flight meets beyond the model; all off by default."""
+        return self._world.conditions
+
+    def authority(self) -> Authority:
+        """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
+        return authority(self.params)
+
+    def uncertainty(self) -> dict[str, Any]:
+        """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
+
+        Raises:
+            ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+        """
+        return uncertainty_under(
+            self.conditions, speed=SPEED_COUNTED_ON, thrust=authority(self.params).thrust_max
+        )
+
+    @property
+    def action_scale(self) -> NDArray[np.float64]:
+        """SI value of an action of 1, (4,)."""
+        return self._world.action_scale.copy()
+
+    @property
+    def control_period(self) -> float:
+        """Time between two calls of the filter slot, s."""
+        return self._world.control_period
+
+    @property
+    def is_shielded(self) -> bool:
+        """Whether the filter slot is taken."""
+        return self._world.is_shielded
+
+    @property
+    def snap_filter(self) -> SnapFilter:
+        """The filter slot; see ``quadsafe_env.slot.SnapFilter``."""
+        return self._world.snap_filter
+
+    @snap_filter.setter
+    def snap_filter(self, value: SnapFilter) -> None:
+        self._world.snap_filter = value
