@@ -109,6 +109,18 @@ def test_a_measurement_that_is_not_finite_is_named_and_changes_nothing(what, nam
     assert after.numbers.tobytes() == expected.numbers.tobytes()
 
 
+@pytest.mark.parametrize("name", SHIELDS)
+@pytest.mark.parametrize("what", ["flat", "center", "radius"])
+def test_a_measurement_beyond_float64_is_named(what, name):
+    # Of 1e200 m the square is infinite, and from an infinite distance every sphere would be clear.
+    good = {"flat": np.zeros((4, 3)), "center": np.array([[1.0, 0, 0]]), "radius": np.array([0.5])}
+    good[what].flat[-1] = 1e200
+    with pytest.raises(
+        ValueError, match=rf"{what} must be small enough for float64 arithmetic, got up to 1e\+200"
+    ):
+        Shield(**SHIELDS[name]).filter(**good, snap=[10.0, 0, 0], period=0.02)
+
+
 @pytest.mark.parametrize("period", [1e-320, 1e-120, 1e120, 1e300])
 @pytest.mark.parametrize("name", SHIELDS)
 def test_a_period_beyond_float64_is_named(name, period):
