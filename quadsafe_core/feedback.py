@@ -21,10 +21,23 @@ def held_gains(order: int, pole: float, period: float) -> NDArray[np.float64]:
 
     Returns:
         k, (n,), lowest derivative first; tends to the gains of (s + p)ⁿ as Δ → 0.
+
+    Raises:
+        ValueError: for an argument out of its range, or a period whose powers float64 cannot hold.
     """
     n = positive_integer("order", order)
     positive_number("pole", pole)
     dt = positive_number("period", period)
+    try:
+        gains = _held_gains(n, pole, dt)
+    except (OverflowError, np.linalg.LinAlgError):
+        gains = np.full(n, math.nan)
+    if not np.isfinite(gains).all():
+        raise ValueError(f"period must have powers that float64 can hold, got {period}")
+    return gains
+
+
+def _held_gains(n: int, pole: float, dt: float) -> NDArray[np.float64]:
     step = np.array(
         [[dt ** (j - i) / math.factorial(j - i) if j > i else 0.0 for j in range(n)] for i in range(n)]
     )

@@ -24,6 +24,7 @@ from quadsafe_env.measure import MEASURES
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.plant import VelocityGains, packed
 from quadsafe_env.scenes import Task
+from quadsafe_env.slot import safe_snaps
 from quadsafe_env.world import World
 
 NO_FEEDBACK = VelocityGains(0.0, 0.0, 0.0, 0.0)
@@ -87,8 +88,8 @@ class DisturbedWorld(World):
         )
         estimate_batch(self._disturbance, self._memory, self._feedback, self._flat, self._snap)
         goal, center, radius = self._goal_and_spheres
-        safe = self.snap_filter.filter(self._flat, center, radius, self._snap, self.control_period)
-        self._deliver(safe.snap)
+        answer = self.snap_filter.filter(self._flat, center, radius, self._snap, self.control_period)
+        self._deliver(safe_snaps(answer, self.n))
         advance_disturbed_batch(
             self._constants,
             self._rotors,

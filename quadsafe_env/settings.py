@@ -130,8 +130,12 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     if type(value) is np.ndarray and value.dtype == FLOAT and value.flags.c_contiguous and value.shape == shape:
         return value
     try:
-        array = np.ascontiguousarray(value, dtype=np.float32)
-    except (TypeError, ValueError) as error:
+        wide = np.asarray(value, dtype=np.float64)
+        # What only float64 holds would become infinite; it is clipped to 1 in any case.
+        array = np.ascontiguousarray(
+            np.where(np.isfinite(wide), np.clip(wide, -2.0, 2.0), wide), dtype=np.float32
+        )
+    except (TypeError, ValueError, OverflowError) as error:
         raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
     if array.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {np.shape(value)}")

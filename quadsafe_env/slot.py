@@ -5,12 +5,31 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.checks import shaped_array
+
+FLOAT = np.dtype(np.float64)
+
 
 class Filtered(Protocol):
-    """What a filter answers with: at least the safe snap (N, 3)."""
+    """What a filter answers with: at least the safe snap (N, 3). A row that is not finite crashes."""
 
     @property
     def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
+
+
+def safe_snaps(answer: Filtered, n: int) -> NDArray[np.float64]:
+    """The snaps (N, 3) of an answer, as the plant can fly them.
+
+    Raises:
+        TypeError, ValueError: for no numbers or another shape.
+    """
+    snap = answer.snap
+    if type(snap) is np.ndarray and snap.dtype is FLOAT and snap.shape == (n, 3) and snap.flags.carray:
+        return snap
+    rows = shaped_array("snap of the filter in the slot", snap, (3,))
+    if rows.shape != (n, 3):
+        raise ValueError(f"snap of the filter in the slot must have shape {(n, 3)}, got {rows.shape}")
+    return np.array(rows, dtype=np.float64, order="C")
 
 
 # What ``done`` says where no filter acts.

@@ -25,7 +25,7 @@ from quadsafe_env.plant import Plant, packed
 from quadsafe_env.rates import Rates, check_rates
 from quadsafe_env.rotors import limited_rotors
 from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
-from quadsafe_env.slot import Filtered, Passed, PassThrough, SnapFilter
+from quadsafe_env.slot import Filtered, Passed, PassThrough, SnapFilter, safe_snaps
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
 
@@ -232,14 +232,14 @@ class World:
         if self._has_limits:
             limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
         goal, center, radius = self._goal_and_spheres
-        safe = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
+        answer = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
         advance_batch(
             self._constants,
             self._rotors,
             self._substeps,
             closes,
             self.states,
-            safe.snap,
+            safe_snaps(answer, self.n),
             yaw_acceleration,
             goal,
             center,

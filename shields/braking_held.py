@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from quadsafe_core.checks import positive_number
 from quadsafe_core.jit import kernel
 from shields.braking_arcs import least_of_arc, moved, peak_x1, size_of_terms
-from shields.dead_beat import braking_shift, clamped, fastest_before
+from shields.dead_beat import MOST_PERIODS, braking_shift, clamped, fastest_before
 from shields.held import held_lower
 from shields.rows import state_rows
 
@@ -59,7 +59,7 @@ def can_brake(x1, x2, bounds, period):
 def rising_periods(x1, x2, bounds, period):
     """For how many periods κ = u_max, from a state that can brake."""
     highest = min(peak_x1(x1, x2, bounds), bounds.x1_max)
-    low, high = 0.0, max(np.ceil((highest - x1) / (bounds.u_max * period)), 0.0) + 1.0
+    low, high = 0.0, min(max(np.ceil((highest - x1) / (bounds.u_max * period)), 0.0) + 1.0, MOST_PERIODS)
     while high - low > 1.0:
         k = np.floor(0.5 * (low + high))
         t = k * period

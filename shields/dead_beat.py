@@ -15,6 +15,9 @@ import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
 
+# Beyond it not every whole number is a float, and a search among whole numbers of periods would not end.
+MOST_PERIODS = 2.0**52
+
 
 @inline_kernel
 def braking_shift(q, step, period):

@@ -19,6 +19,8 @@ from shields.radial import triple
 BRAKING_POLE = 3.0
 # What a method says of the rows that it was given.
 DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED = range(6)
+# Measurements from here on are too large: the square of a length has to fit into float64.
+LARGEST = 1e100
 # Set values within rounding of 0 count as 0.
 ROUNDING = 1e-9
 # What a shield decided for one plant, beside the snap: the places of the fields of ``Filtered``.
@@ -169,23 +171,29 @@ def checked_rows(flat, center, radius, velocity, snap, safe):
     ):
         return BAD_SHAPES
     for i in range(n):
-        if not is_usable(i, flat, center, radius, velocity):
-            return BAD_MEASUREMENT
+        if not is_usable(i, flat, center, radius, velocity, LARGEST):
+            return TOO_LARGE if is_usable(i, flat, center, radius, velocity, math.inf) else BAD_MEASUREMENT
     return DONE
 
 
 @inline_kernel
-def is_usable(i, flat, center, radius, velocity):
-    """Whether every measurement of row i is finite and no radius negative."""
+def is_usable(i, flat, center, radius, velocity, largest):
+    """Whether every measurement of row i is smaller than the largest, and no radius negative."""
     for order in range(4):
-        if not is_finite(triple(flat, i, order)):
+        if not is_below(triple(flat, i, order), largest):
             return False
     for k in range(radius.shape[1]):
-        if not (is_finite(triple(center, i, k)) and is_finite(triple(velocity, i, k))):
+        if not (is_below(triple(center, i, k), largest) and is_below(triple(velocity, i, k), largest)):
             return False
-        if not 0.0 <= radius[i, k] < math.inf:
+        if not 0.0 <= radius[i, k] < largest:
             return False
     return True
+
+
+@inline_kernel
+def is_below(x, largest):
+    """Whether all three entries are smaller than the largest; NaN is not."""
+    return abs(x[0]) < largest and abs(x[1]) < largest and abs(x[2]) < largest
 
 
 @inline_kernel

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsafe_core.jit import inline_kernel, kernel
-from shields.dead_beat import braking_shift, clamped, fastest_before
+from shields.dead_beat import MOST_PERIODS, braking_shift, clamped, fastest_before
 from shields.polynomials import LARGEST, quadratic_roots
 
 STOP, RISE, FALL = 0, 1, 2
@@ -101,7 +101,8 @@ def climbing_periods(is_rise, x1, x2, box):
     """For how many periods u_max stays: up to upper_1, and to the curve of ``stop`` or to x_2 = 0."""
     step, u = box.u_max * box.period, box.u_max
     t = (math.sqrt(max(x1 * x1 - 2.0 * u * x2, 0.0)) - x1) / u
-    low, high = 0.0, max(np.floor(min(t / box.period + 1.0, (box.upper[0] - x1) / step)), 0.0) + 1.0
+    most = max(np.floor(min(t / box.period + 1.0, (box.upper[0] - x1) / step)), 0.0)
+    low, high = 0.0, min(most + 1.0, MOST_PERIODS)
     rounding = SAME * (abs(x2) + step * box.period)
     while high - low > 1.0:
         k = np.floor(0.5 * (low + high))

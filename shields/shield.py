@@ -18,6 +18,7 @@ from shields.filtered import (
     CROWDED,
     DONE,
     FACTS,
+    LARGEST,
     MOVING,
     Filtered,
     Kernels,
@@ -178,8 +179,8 @@ class Shield:
             ``Filtered``.
 
         Raises:
-            ValueError: for wrong shapes, measurements that are not finite, radius < 0, period <= 0,
-                accelerating spheres, or spheres that the method does not take.
+            ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
+                period <= 0, accelerating spheres, or spheres that the method does not take.
         """
         if period == self._period and velocity is None and acceleration is None:
             out = np.empty(self._numbers)
@@ -340,10 +341,11 @@ def _shape_error(*values: ArrayLike) -> ValueError:
 
 def _error(code: int, flat, center, radius, velocity) -> ValueError:
     """The sentence for rows that a method does not take."""
+    measured = {"flat": flat, "center": center, "radius": radius, "velocity": velocity}
+    found = {name: array for name, array in measured.items() if array is not None}
     if code == BAD_MEASUREMENT:
-        for name, array in {"flat": flat, "center": center, "radius": radius, "velocity": velocity}.items():
-            if array is not None:
-                finite_array(name, array)
+        for name, array in found.items():
+            finite_array(name, array)
         return ValueError(f"radius must be >= 0, got {radius.min()}")
     if code == MOVING:
         return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
@@ -352,7 +354,9 @@ def _error(code: int, flat, center, radius, velocity) -> ValueError:
         return ValueError(
             f"method 'cbf' takes one obstacle, got {most} with radius > 0; several need method 'sampled'"
         )
-    return ValueError(f"flat must be small enough for float64 arithmetic, got up to {abs(flat).max():g}")
+    name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= LARGEST), "flat")
+    most = abs(found[name]).max()
+    return ValueError(f"{name} must be small enough for float64 arithmetic, got up to {most:g}")
 
 
 def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
