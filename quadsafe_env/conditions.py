@@ -176,7 +176,7 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
 
         estimate  noise + bias
         snap      the inner loop's own error
-        gain      gain, and ι/(1 − ι) for an inertia error ι
+        gain      (1 + gain)/(1 − ι) − 1 for an inertia error ι
         wind      wind + gust + 3 turbulence + drag · speed + μ/(1 − μ) · thrust for a mass error μ
 
     A flat acceleration is that of the believed vehicle: what mass and air add to it is wind.
@@ -200,7 +200,7 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         "acceleration": met.acceleration_noise + met.acceleration_bias,
         "jerk": met.jerk_noise + met.jerk_bias,
         "snap": INNER_LOOP,
-        "gain": met.gain + met.inertia_error / (1.0 - met.inertia_error),
+        "gain": met.gain + (1.0 + met.gain) * met.inertia_error / (1.0 - met.inertia_error),
         "wind": air + met.mass_error / (1.0 - met.mass_error) * thrust,
         "delay": met.delay,
         "losses": met.loss > 0.0,

