@@ -136,6 +136,23 @@ def of_body(conditions: dict[str, Any], settings: dict[str, Any] | None, rate: i
     }
 
 
+def of_free_flight(settings: dict[str, Any] | None, flights: int) -> dict[str, Any]:
+    """Flights straight at the goal without any error."""
+    seconds, kinds = body_flights.LONG, body_flights.AT_THE_GOAL
+    found = body_flights.fly({}, settings, SWEPT_AT, flights, 0, seconds, kinds)
+    return {
+        "episodes": flights,
+        "steps": found.steps,
+        "violated_episodes": found.violated,
+        "arrived": found.arrived,
+        "lost": found.lost,
+        "least_clearance": found.clearance.min(),
+        "median_clearance": np.median(found.clearance),
+        "mean_speed": np.nanmean(found.speed),
+        "median_time": np.nanmedian(found.duration),
+    }
+
+
 def of_inner_loop(rate: int, settings: dict[str, Any], flights: int) -> dict[str, Any]:
     """Largest and 99.9th percentile of the inner loop's error, in place of clearances."""
     errors = body_flights.inner_loop_error(rate, settings, flights, 0)
@@ -196,6 +213,10 @@ def body_jobs(scale: Scale) -> Iterator[Job]:
         actual = times(BODY["delay"][0], level)
         run = partial(of_body, actual, told(actual), SWEPT_AT, 1, scale.flights)
         yield Job("beyond", "delay", "told exactly", SWEPT_AT, level, run)
+    free: dict[str, dict[str, Any] | None] = {"none": None, "nothing": {}}
+    free |= {kind: told(conditions) for kind, conditions in within.items()}
+    for kind, settings in free.items():
+        yield Job("free", kind, "told", SWEPT_AT, 0, partial(of_free_flight, settings, scale.flights))
     for rate in (*RATES, SWEPT_AT):
         for arm, settings in (("free", {}), ("authority", AUTHORITY)):
             run = partial(of_inner_loop, rate, settings, scale.inner_flights)

@@ -102,8 +102,8 @@ PROBABILITIES = ("loss",)
 UNBOUNDED = ("rotor_lag", "jitter", "impulse")
 # The turbulence is at most so many standard deviations long.
 TURBULENCE_LIMIT = 3.0
-# Above the largest error of the snap that the inner loop flies, m/s⁴, in any period of attacks at 50 to 200 Hz;
-# measured by ``benchmarks/robustness.py``.
+# Error of the snap that the inner loop flies, m/s⁴: more than in 99.99 % of periods of random snaps at 50 to
+# 200 Hz, and than in any within an authority; measured by ``benchmarks/robustness.py``.
 INNER_LOOP = 15.0
 # What bounds are for without other numbers, m/s.
 SPEED_COUNTED_ON = 5.0

@@ -293,16 +293,13 @@ def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
     if begins_within and is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
         return wanted, ACCEPTED
     kind = standing(plan, x, period, around, limits, gains)
-    if kind == STOPPED and not begins_within:
-        # Off a stop that counts, errors alone may take the jerk that is seen over a stop's.
-        if is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
-            return wanted, ACCEPTED
-    elif kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
+    if kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
         kind = STOPPED
     if kind == UNCERTIFIED:
         plan["is_stored"] = False
         return NOTHING, UNCERTIFIED
     stop = tracking_snap(plan, x, period, gains, limits.snap_max)
+    # Off a stop that counts, errors alone may take the jerk that is seen over a stop's.
     if is_wanted and (begins_within or kind == STOPPED):
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))

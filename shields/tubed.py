@@ -15,8 +15,8 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.arcs import Flat, combined, flat_of, flown, write3, write_flat
-from shields.certificate import PLAN, advance_stop, tracking_snap
-from shields.filtered import BAD_SHAPES, DONE, FACTS, FLOATS, Kernels, checked_rows, velocities_or
+from shields.certificate import PLAN, advance_stop, tracking_snap, within_ball
+from shields.filtered import BAD_SHAPES, DONE, FACTS, FLOATS, Kernels, braking, checked_rows, velocities_or
 from shields.joint import (
     PLAN_BYTES,
     PLANS,
@@ -117,17 +117,27 @@ def tubed_one(flat, center, radius, snap, velocity, memory, closing, authority, 
 
 
 @kernel
-def backup_batch(mask, flats, before, plans, pending, period, gains, snap_max, out):
-    """Of the rows of ``mask`` the stop before the last answer is flown, and stored again, in its place."""
-    for i in range(mask.shape[0]):
+def backup_batch(mask, k, delay, memory, out):
+    """Of the rows of ``mask`` the stop before the last answer is flown, and stored again, in its place.
+
+    Without such a stop the row brakes.
+    """
+    n = mask.shape[0]
+    flats_at, _, _, before_at, pending_at, _ = tubed_places(n, k, delay)
+    flats, before = carved(memory, flats_at, FLOATS, (n, 4, 3)), carved(memory, before_at, PLANS, (n,))
+    plans = carved(memory, places(n, k)[2], PLANS, (n,))
+    pending = carved(memory, pending_at, FLOATS, (n, delay, 3))
+    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), None, None, None)
+    period, snap_max = settings.sampling.period, settings.limits.snap_max
+    for i in range(n):
         if mask[i]:
-            # A vehicle that has had no answer yet rests.
-            write3(out[i], (0.0, 0.0, 0.0))
-            if before[i]["is_stored"]:
-                x = flat_of(flats[i])
-                write3(out[i], tracking_snap(before[i], x, period, gains, snap_max))
-                advance_stop(before[i], period)
+            x = flat_of(flats[i])
             plans[i] = before[i]
+            if before[i]["is_stored"]:
+                write3(out[i], tracking_snap(before[i], x, period, settings.gains, snap_max))
+                advance_stop(plans[i], period)
+            else:
+                write3(out[i], within_ball(braking(x.v, x.a, x.j, settings.braking), snap_max))
             last = pending.shape[1] - 1
             if last >= 0:
                 write3(pending[i, last], vector(out[i]))
@@ -150,42 +160,28 @@ class TubedMethod(SampledMethod):
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows; what was on its way to them is not flown."""
         super().forget(mask)
-        _, before, pending = self._ahead()
-        before[mask] = np.zeros((), dtype=PLAN)
-        pending[mask] = 0.0
+        (n, k), delay = self._size, self._uncertainty.delay
+        *_, before_at, pending_at, _ = (int(place) for place in tubed_places(n, k, delay))
+        carved(self.memory, before_at, PLANS, (n,))[mask] = np.zeros((), dtype=PLAN)
+        carved(self.memory, pending_at, FLOATS, (n, delay, 3))[mask] = 0.0
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        self._period, self._bounds = period, bounds_of(self._settings)
-        limits = self._bounds.limits
+        bounds = bounds_of(self._settings)
         if self._uncertainty.gain > 0.0:
             # A share of any snap whatever would be no bound.
-            limits = limits._replace(snap_max=min(limits.snap_max, self._bounds.input_max))
-        self.tube = tube_of(self._uncertainty, period, limits)
-        in_tube = in_the(self.tube, self._bounds._replace(limits=limits))
-        self._snap_max = limits.snap_max
-        position, *_ = self.tube.deviation
-        width = Width(float(position), float(position + self.tube.error[0]))
-        own = (*self._own(period, in_tube, self.tube.gains), width, self._uncertainty.delay)
-        return Kernels(tubed_batch, tubed_one, own)
+            most = min(bounds.limits.snap_max, bounds.input_max)
+            bounds = bounds._replace(limits=bounds.limits._replace(snap_max=most))
+        tube = tube_of(self._uncertainty, period, bounds.limits)
+        width = Width(float(tube.deviation[0]), float(tube.deviation[0] + tube.error[0]))
+        own = self._own(period, in_the(tube, bounds), tube.gains)
+        return Kernels(tubed_batch, tubed_one, (*own, width, self._uncertainty.delay))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""
-        flats, before, pending = self._ahead()
-        _, plans = self._parts()
-        out, gains = np.zeros((mask.shape[0], 3)), tuple(self.tube.gains.tolist())
-        backup_batch(mask, flats, before, plans, pending, self._period, gains, self._snap_max, out)
+        out = np.zeros((mask.shape[0], 3))
+        backup_batch(mask, self._size[1], self._uncertainty.delay, self.memory, out)
         return out
-
-    def _ahead(self) -> tuple[NDArray[np.float64], NDArray[np.void], NDArray[np.float64]]:
-        """The flat states worked on, the stops before the last answers, the answers on their way."""
-        n, k = self._size
-        flats, _, _, before, pending, _ = (int(at) for at in tubed_places(n, k, self._uncertainty.delay))
-        return (
-            carved(self.memory, flats, FLOATS, (n, 4, 3)),
-            carved(self.memory, before, PLANS, (n,)),
-            carved(self.memory, pending, FLOATS, (n, self._uncertainty.delay, 3)),
-        )
 
 
 def in_the(tube: Tube, bounds: Bounds) -> Bounds:

@@ -15,6 +15,7 @@ on the state predicted n periods ahead, and η is the error of that.
 
 import math
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -201,6 +202,7 @@ def share_taken(tube: Tube, limits: FlightLimits) -> float:
     return max(tube.feedback / limits.stop_snap_max, jerk / limits.jerk_max, acceleration / way)
 
 
+@cache
 def tube_of(uncertainty: Uncertainty, period: float, limits: FlightLimits) -> Tube:
     """The best tube among ``POLES``: narrow, and cheap in snap, jerk and thrust.
 

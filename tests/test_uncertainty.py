@@ -249,10 +249,31 @@ def test_losses_of_one_row_do_not_touch_another():
     assert both.certified.all()
 
 
-def test_a_vehicle_that_was_told_nothing_yet_rests():
+def test_a_vehicle_that_was_told_nothing_yet_rests_or_brakes():
     shield = Shield(uncertainty={"losses": True, "delay": 2})
     shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.full(3, 50.0), 0.02)
     assert not shield.backup(np.True_).any()
+    x, center, radius = np.zeros((4, 3)), np.full((1, 3), 50.0), np.array([0.5])
+    x[1, 0] = 3.0
+    late = Shield(uncertainty={"losses": True})
+    for _ in range(300):
+        late.reset()
+        late.filter(x, center, radius, np.full(3, 50.0), 0.02)
+        x = moved(x, late.backup(np.True_), 0.02)
+    assert np.linalg.norm(x[1]) < 0.01
+
+
+def test_a_second_backup_in_a_period_is_the_same():
+    once, twice = Shield(uncertainty=ALL), Shield(uncertainty=ALL)
+    x, center, radius = np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5])
+    for step in range(30):
+        for shield in (once, twice):
+            shield.filter(x, center, radius, np.full(3, 50.0), 0.02)
+        if step % 3 == 2:
+            first = once.backup(np.True_)
+            twice.backup(np.True_)
+            np.testing.assert_array_equal(twice.backup(np.True_), first)
+    np.testing.assert_array_equal(once.snapshot()["memory"], twice.snapshot()["memory"])
 
 
 def test_reset_forgets_what_was_on_its_way():

@@ -10,8 +10,8 @@ from safety_campaign.stage import rates
 import quadsafe_env  # noqa: F401 - registers the ids
 from shields import VectorShieldWrapper
 
-SECONDS = 4.0
-PILOTS = 4
+SECONDS, LONG = 4.0, 10.0
+ALL_PILOTS, AT_THE_GOAL = 4, 2
 
 
 class Flown(NamedTuple):
@@ -34,10 +34,13 @@ class Flown(NamedTuple):
 
 
 class Pilots:
-    """Velocity commands: half of the flights straight at the goal, the others at the sphere, or at random."""
+    """Velocity commands: half of the flights straight at the goal, the others at the sphere, or at random.
 
-    def __init__(self, rng: np.random.Generator, n: int, period: float):
-        self._rng, self._kind, self._fresh = rng, np.arange(n) % PILOTS, 3.0 * period
+    Only the first ``kinds`` of the four fly.
+    """
+
+    def __init__(self, rng: np.random.Generator, n: int, period: float, kinds: int):
+        self._rng, self._kind, self._fresh = rng, np.arange(n) % kinds, 3.0 * period
         self._held = rng.uniform(-1.0, 1.0, (n, 3))
 
     def act(self, observations: NDArray, plant: Any) -> NDArray[np.float32]:
@@ -53,9 +56,15 @@ class Pilots:
 
 
 def fly(
-    conditions: dict[str, Any], settings: dict[str, Any] | None, rate: int, flights: int, seed: int
+    conditions: dict[str, Any],
+    settings: dict[str, Any] | None,
+    rate: int,
+    flights: int,
+    seed: int,
+    seconds: float = SECONDS,
+    kinds: int = ALL_PILOTS,
 ) -> Flown:
-    """Flights of ``SECONDS`` at most, policy and control at this rate, Hz.
+    """Flights with policy and control at this rate, Hz.
 
     Args:
         conditions: of the plant.
@@ -63,15 +72,17 @@ def fly(
         rate: Hz.
         flights: their number.
         seed: of the scenes and the pilots.
+        seconds: a flight lasts at most.
+        kinds: of pilots that fly.
     """
-    steps = round(SECONDS * rate)
+    steps = round(seconds * rate)
     env = gymnasium.make_vec(
         "QuadSafe/Avoid-v0", flights, conditions=conditions, max_episode_steps=steps, **rates(rate)
     )
     env = env if settings is None else VectorShieldWrapper(env, **settings)
     observations, _ = env.reset(seed=seed * flights)
     plant: Any = env.unwrapped
-    pilots = Pilots(np.random.default_rng([seed, rate]), flights, 1.0 / rate)
+    pilots = Pilots(np.random.default_rng([seed, rate]), flights, 1.0 / rate, kinds)
     alive, duration = np.ones(flights, bool), np.full(flights, np.nan)
     clearance, speed, counted = np.full(flights, np.inf), np.zeros(flights), np.zeros(flights)
     happened = {name: np.zeros(flights, bool) for name in ("violation", "crash", "out_of_bounds", "is_success")}
