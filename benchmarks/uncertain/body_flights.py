@@ -56,7 +56,7 @@ class Pilots:
 
 
 def fly(
-    conditions: dict[str, Any],
+    conditions: dict[str, Any] | str,
     settings: dict[str, Any] | None,
     rate: int,
     flights: int,

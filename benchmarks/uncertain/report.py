@@ -46,6 +46,7 @@ def write(rows: list[Row], page: Path, figure: Path, kinds: Mapping[str, Uncerta
         "cost": lambda rows: cost_table(rows, kinds),
         "free flight": free_flight_table,
         "inner": inner_table,
+        "randomised": randomised_table,
     }
     page.write_text(filled(page.read_text(encoding="utf-8"), rows, makers), encoding="utf-8")
     draw(rows, figure)
@@ -159,6 +160,17 @@ def free_flight_table(rows: list[Row]) -> str:
         cells += [f"{float(row['median_time']):.2f}", f"{float(row['mean_speed']):.2f}"]
         body.append([*cells, f"{1e3 * float(row['median_clearance']):.0f}"])
     return markdown((*header, "median clearance, mm"), body)
+
+
+def randomised_table(rows: list[Row]) -> str:
+    """Domain randomisation, by what the shield was told of it."""
+    header = ("told of", "flights", "violated", "crashed or out of bounds", "steps without a certificate")
+    body = [
+        [row["kind"], f"{int(row['episodes']):,}", counted(row), counted(row, count="lost")]
+        + [counted(row, "steps", "uncertified") if row["kind"] != "no shield" else "–"]
+        for row in rows_with(rows, part="randomised")
+    ]
+    return markdown(header, body)
 
 
 def inner_table(rows: list[Row]) -> str:
