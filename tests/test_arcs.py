@@ -125,6 +125,7 @@ def test_a_clear_arc_is_clear_at_every_instant(drift):
     assert accepted > 300  # fewer would not test much
 
 
+@pytest.mark.interpreted
 def test_a_moderate_arc_with_five_millimetres_to_spare_is_clear():
     rng = np.random.default_rng(2)
     tried = 0
@@ -174,6 +175,7 @@ def test_what_is_not_a_number_is_not_clear(place):
     assert not arc_is_clear(flat_state(rows), three([0, 0, 0]), 0.0, 0.1, spheres, NO_FLOOR)
 
 
+@pytest.mark.interpreted
 def test_clear_at_rest_is_clear_at_every_later_time():
     rng = np.random.default_rng(3)
     later = np.concatenate([np.linspace(0.0, 20.0, 2001), [100.0, 1e4]])

@@ -95,6 +95,7 @@ def test_outside_the_set_the_side_that_is_further_out_decides():
     assert not in_set.any() and u[0] <= 0.0 and u[1] >= 0.0 and u[2] == -1.0
 
 
+@pytest.mark.interpreted
 def test_the_mirror_image_gets_the_mirrored_input():
     lower, upper, u_min, u_max = GEOFENCE.bounds
     mirrored, rng = BoxSet(-upper, -lower, -u_max, -u_min), np.random.default_rng(3)

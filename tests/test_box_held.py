@@ -59,6 +59,7 @@ def test_the_fastest_end_of_a_period_uses_up_the_room(d, step, period):
     assert 0.5 * period * y + braking_shift(y, step, period) == pytest.approx(d, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("policy", [STOP, RISE, FALL])
 @pytest.mark.parametrize("period", [0.3, 0.05, 0.003])
 def test_policies_come_to_rest_and_skipping_periods_changes_nothing(policy, period):
@@ -80,6 +81,7 @@ def test_policies_come_to_rest_and_skipping_periods_changes_nothing(policy, peri
             assert np.array(skipped) == pytest.approx(np.array(extremes), abs=1e-9)
 
 
+@pytest.mark.interpreted
 def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
     rng = np.random.default_rng(10)
     for k in range(1000):

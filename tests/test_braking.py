@@ -130,6 +130,7 @@ def test_it_tends_to_g4_as_the_upper_bounds_grow(x, braking, u_max):
     assert values[-1] == pytest.approx(g4, abs=1e-12 * (1.0 + abs(g4)))
 
 
+@pytest.mark.interpreted
 def test_one_upper_bound_alone():
     x = np.random.default_rng(0).normal(size=(300, 4)) * [0.5, 0.3, 1.0, 1.0]
     for far in (dict(x1_max=inf), dict(x2_max=inf)):
@@ -137,6 +138,7 @@ def test_one_upper_bound_alone():
         assert braking_set(**far).value(x) == pytest.approx(near.value(x), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_the_set_counts_on_less_than_g4_and_a_linear_program_agrees():
     """g_4 alone calls a state safe from which no input that keeps the upper bounds saves x_4."""
     limited, x = braking_set(x1_max=0.5, x2_max=0.4), np.array([0.0, 0.0, -1.0, 1.7])
@@ -160,6 +162,7 @@ def test_the_set_is_convex():
     assert (limits.value(0.5 * (a + b)) >= least - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_more_of_x3_or_x4_is_never_worse():
     limits, x = braking_set(), np.random.default_rng(2).normal(size=(500, 4))
     for i in (2, 3):
@@ -193,6 +196,7 @@ def test_lemma1_the_rate_is_that_of_a_short_step(x, share):
         assert (after - value) / step == pytest.approx(limits.lie_derivative(x, u), abs=tolerance)
 
 
+@pytest.mark.interpreted
 def test_required_input_makes_the_rate_minus_alpha_times_the_value():
     limits, x = braking_set(), random_states(np.random.default_rng(3), 300)
     u, (value, t_star) = limits.required_input(x, 2.0), limits.lower_value(x)
@@ -201,6 +205,7 @@ def test_required_input_makes_the_rate_minus_alpha_times_the_value():
     assert limits.lie_derivative(x[asked], u[asked]) == pytest.approx(-2.0 * value[asked], abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_lemma2_one_input_is_left_on_the_boundary():
     limits = braking_set(x1_max=1.0, x2_max=0.8, u_min=-1.5, u_max=1.0, lower=0.0)
     on_boundary = np.array(

@@ -37,6 +37,7 @@ def states(limits, rng, count, period):
     return x[np.array(keeps)]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("period", [0.3, 0.02])
 def test_the_backup_is_the_greatest_input_after_which_braking_is_possible(name, period):
@@ -82,6 +83,7 @@ def test_the_value_lies_below_g4b_and_tends_to_it_with_the_period(name):
     assert gaps[0] < 0.2 and gaps[1] < 2e-3 and gaps[2] < 2e-5
 
 
+@pytest.mark.interpreted
 def test_with_a_bound_on_x1_alone_the_held_backup_is_the_largest_at_every_instant():
     limits, rng, period = SETS["x_1 alone"], np.random.default_rng(3), 0.1
     for row in states(limits, rng, 50, period):
@@ -93,6 +95,7 @@ def test_with_a_bound_on_x1_alone_the_held_backup_is_the_largest_at_every_instan
             assert (np.array(best) >= np.array(other) - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_without_upper_bounds_it_is_the_sampled_filter_of_g4():
     limits, rng = SETS["g_4"], np.random.default_rng(4)
     x = rng.normal(size=(200, 4)) + np.array([0.0, 0.0, 0.0, 1.0])
@@ -134,6 +137,7 @@ def test_all_three_bounds_hold_under_attack_at_every_rate_and_between_samples(na
         x = flow(x, u, period)
 
 
+@pytest.mark.interpreted
 def test_counter_case_the_sampled_filter_of_g4_breaks_the_upper_bounds():
     limits, period = SETS["both bounds"], 0.05
     x, highest = np.array([0.0, 0.0, -1.0, 2.0]), 0.0
@@ -187,6 +191,7 @@ def test_kernels_of_the_held_braking_set():
     assert sampled_braking_value(SETS["x_1 alone"], [0.5, -0.1, -0.1, 1.0], 0.1) < 1.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -56,6 +56,7 @@ def filtered(state, U_des, distance=1.0, bounds=FREE, limits=LIMITS):
     return float(U), float(value)
 
 
+@pytest.mark.interpreted
 def test_eq33_is_met_and_any_smaller_input_violates_it():
     rng = np.random.default_rng(0)
     bound = np.count_nonzero([check_eq33(rng) for _ in range(400)])
@@ -177,6 +178,7 @@ def test_continuous_time_keeps_every_bound_under_attack():
     assert (lowest <= (1.05, -0.75, -0.75, -1.5)).all()
 
 
+@pytest.mark.interpreted
 def test_continuous_time_without_the_filter_hits():
     lowest = attacked(None, 1e-4, steps=15_000)
     assert lowest[0] < 0.0

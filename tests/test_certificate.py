@@ -106,6 +106,7 @@ def assert_clear(states, times, spheres):
     assert thrust.min() >= LIMITS.band.least - 1e-12
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 @pytest.mark.parametrize("h", [0.05, 0.3, 1.5])
 def test_three_dead_beat_segments_end_in_exact_rest(frame, h):
@@ -137,6 +138,7 @@ def test_segments_are_whole_periods_of_about_the_length():
         assert abs(periods_of(choice, 0.001) * 0.001 - length) <= 0.0005 + 1e-12
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
     rng = np.random.default_rng(1)
@@ -160,6 +162,7 @@ def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
         assert later[1:] == (frame, WORLD, WORLD)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", [0.05, 0.01, 0.001])
 def test_tracking_brings_a_perturbed_vehicle_back(period):
     rng = np.random.default_rng(2)
@@ -207,6 +210,7 @@ def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
     assert_clear(resting, PERIOD + times[-1] + later, spheres)
 
 
+@pytest.mark.interpreted
 def test_most_slow_flights_in_the_open_are_accepted():
     rng = np.random.default_rng(3)
     for _ in range(100):
@@ -234,6 +238,7 @@ def test_a_refused_snap_is_replaced_by_the_stored_stop():
     assert plan["periods_left"] == plan["periods"] - 1
 
 
+@pytest.mark.interpreted
 def test_a_part_of_a_refused_snap_is_flown_if_that_can_be_certified():
     x = at(0, 0, 0)
     for size in np.geomspace(100.0, 1e6, 60):

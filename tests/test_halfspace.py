@@ -61,6 +61,7 @@ def test_the_chosen_direction_costs_no_more_than_the_line_of_sight(seed, period)
     assert np.linalg.norm(chosen.n) == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_last_normal_stays_admissible_when_its_demand_was_flown(period):
     rng = np.random.default_rng(0)
@@ -81,6 +82,7 @@ def test_the_last_normal_stays_admissible_when_its_demand_was_flown(period):
     assert kept > 500
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_distance_along_the_normal_is_kept_between_samples_too(period):
     rng = np.random.default_rng(1)
@@ -153,6 +155,7 @@ def test_no_closing_bounds_ask_for_nothing():
     assert excess(demand, wanted) == 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_closing_bound_holds_between_samples_too(order):
     rng = np.random.default_rng(4)

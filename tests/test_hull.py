@@ -79,6 +79,7 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     assert np.linalg.norm(snaps, axis=1).max() <= limits.stop_snap_max * (1 + 1e-9)
 
 
+@pytest.mark.interpreted
 def test_most_slow_flights_in_the_open_are_clear_at_once():
     rng, count = np.random.default_rng(1), 0
     far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))

@@ -52,6 +52,7 @@ def assert_is_least_value(x, u_max, bound):
     assert not dips_below(x, u_max, level - tolerance - Fraction(5e-324))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", range(1, 9))
 def test_eq8_over_fourteen_orders_of_magnitude(n):
     rng = np.random.default_rng(n)
@@ -144,6 +145,7 @@ def printed_eq20(x1, x2, x3, u):
     return x3 + (x1**3 - (x1**2 - 2 * u * x2) ** 1.5) / (3 * u**2) - x1 * x2 / u
 
 
+@pytest.mark.interpreted
 def test_eq20_eq21_third_order_where_the_printed_form_holds():
     rng = np.random.default_rng(0)
     for x1, x2, x3 in rng.normal(size=(200, 3)):
@@ -161,6 +163,7 @@ def test_eq21_erratum_the_minimum_at_time_zero_counts_too():
     assert_is_least_value([x1, x2, x3], u, 0.0)
 
 
+@pytest.mark.interpreted
 def test_eq22_erratum_the_upper_function_is_the_mirror_of_the_lower():
     """As printed, the sign before ( )^(3/2) makes the value exceed the margin of the present state."""
     x1, x2, x3, u, bound = 1.0, 2.0, 0.0, -2.0, 10.0
@@ -188,6 +191,7 @@ def test_prop1_inside_stays_above_and_outside_falls_below():
             assert flow(x, 3.0, t_star)[-1] + 0.5 == pytest.approx(value, abs=1e-13)
 
 
+@pytest.mark.interpreted
 def test_prop2_the_later_of_two_stationary_times_counts():
     rng = np.random.default_rng(5)
     for _ in range(200):
@@ -198,6 +202,7 @@ def test_prop2_the_later_of_two_stationary_times_counts():
         assert t_star == (0.0 if t2 < 3.0 * t1 else pytest.approx(t2, rel=1e-12))
 
 
+@pytest.mark.interpreted
 def test_prop3_the_middle_of_three_stationary_times_never_counts():
     rng = np.random.default_rng(6)
     seen = set()
@@ -231,6 +236,7 @@ def test_the_kernels_are_the_public_function():
         assert lower_value(rng.normal(size=7), 2.0, 0.5)[0] <= LARGEST
 
 
+@pytest.mark.interpreted
 def test_rows_equal_single_states_bit_for_bit():
     rng = np.random.default_rng(9)
     for n in range(1, 9):
@@ -244,6 +250,7 @@ def test_rows_equal_single_states_bit_for_bit():
             assert (up[i, j], t_up[i, j]) == upper_value(x[i, j], -u_max[j], bound[i, 0])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7])
 def test_the_value_grows_with_the_input_bound_and_with_every_coordinate(n):
     rng = np.random.default_rng(n)
@@ -257,6 +264,7 @@ def test_the_value_grows_with_the_input_bound_and_with_every_coordinate(n):
     assert (lower_value(x, u_max, 1.0)[0] <= value).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", range(1, 9))
 def test_upper_and_lower_are_mirror_images(n):
     rng = np.random.default_rng(n)
@@ -265,6 +273,7 @@ def test_upper_and_lower_are_mirror_images(n):
     assert (np.array(up) == np.array(low)).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", range(1, 8))
 def test_units_do_not_matter(n):
     """Another unit of length scales the value, another unit of time scales t_star; powers of two exactly so."""

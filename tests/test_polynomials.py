@@ -53,6 +53,7 @@ def random_coefficients(rng, degree, exponent):
     return tuple(map(float, c))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("exponent", [1, 7, 60, 150])
 @pytest.mark.parametrize("degree", [2, 3, 4])
 def test_every_root_has_a_residual_of_rounding(degree, exponent):
@@ -63,6 +64,7 @@ def test_every_root_has_a_residual_of_rounding(degree, exponent):
             assert abs(t) == LARGEST or t == 0.0 or residual(c, t) < ROUNDING, c
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("spread", [1.0, 1e3, 1e7, 1e40])
 @pytest.mark.parametrize("degree", [2, 3, 4])
 def test_no_real_root_is_lost_however_far_the_roots_are_apart(degree, spread):

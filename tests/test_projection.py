@@ -63,6 +63,7 @@ def test_equals_enumeration_of_active_planes(count):
         np.testing.assert_allclose(projected, expected, rtol=0, atol=EXACT * max(1, np.abs(desired).max()))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [10, 20, 40, 64])
 def test_equals_least_distance_programming(count):
     rng = np.random.default_rng(count)
@@ -74,6 +75,7 @@ def test_equals_least_distance_programming(count):
         np.testing.assert_allclose(projected, expected, rtol=0, atol=EXACT * max(1, np.abs(desired).max()))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [2, 4, 6, 12])
 def test_infeasible_sets_are_told_from_feasible_ones(count):
     rng = np.random.default_rng(count)
@@ -161,6 +163,7 @@ def test_absent_half_spaces_change_nothing():
     assert feasible and projected.tolist() == [1.0, 1.0, 0.0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("angle", [0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3])
 def test_nearly_equal_half_spaces(angle):
     normals = unit(np.array([[1.0, 0, 0], [1, angle, 0], [1, 0, angle], [1, -angle, angle], [1, 0, 0]]))
@@ -204,6 +207,7 @@ def test_triangular_prism_that_just_closes():
         assert project_onto_halfspaces(desired, unit(normals), np.full(3, inset))[1] == expected
 
 
+@pytest.mark.interpreted
 def test_many_planes_through_one_vertex():
     rng = np.random.default_rng(3)
     for _ in range(200):
@@ -230,6 +234,7 @@ def test_half_spaces_that_meet_in_a_single_point():
         np.testing.assert_allclose(projected, vertex, rtol=0, atol=1e-11 * condition)
 
 
+@pytest.mark.interpreted
 def test_a_far_desired_point_costs_no_digits():
     rng = np.random.default_rng(5)
     for _ in range(100):

@@ -83,6 +83,7 @@ def test_value_is_attained_at_its_minimiser(order, period):
     assert np.all(np.abs(there - value) <= 1e-13 * term_size(x, u, t_star))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_value_at_u_max_is_g(order, period):
@@ -93,6 +94,7 @@ def test_value_at_u_max_is_g(order, period):
     assert np.all(np.abs(value - expected) <= 1e-14 * term_size(x, U_MAX, t_star))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_value_is_concave_and_nondecreasing_in_the_input(order):
     rng = np.random.default_rng(30 + order)
@@ -107,6 +109,7 @@ def test_value_is_concave_and_nondecreasing_in_the_input(order):
         assert np.all(middle - (at_u + at_v) / 2 >= -1e-13 * size)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_slope_of_the_value_is_the_difference_of_powers(order):
     rng = np.random.default_rng(40 + order)
@@ -183,6 +186,7 @@ def test_inside_the_answer_is_the_least_admissible_input(seed, order, period):
     assert np.array_equal(sampled_input(x, u, period, U_MAX, BOUND, ALPHA)[0], u)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_answers_are_monotone(order, period):
@@ -274,6 +278,7 @@ def test_chains_under_attack_never_violate(rate):
         assert least >= -1e-13 and over == 0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 50])
 def test_the_continuous_filter_held_over_a_period_violates(rate):
     rng = np.random.default_rng(70)
@@ -289,6 +294,7 @@ def test_the_continuous_filter_held_over_a_period_violates(rate):
     assert least.min() < -1e-3
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_just_inside_u_max_succeeds_and_just_outside_it_fails(order):
     rng = np.random.default_rng(80 + order)
@@ -302,6 +308,7 @@ def test_just_inside_u_max_succeeds_and_just_outside_it_fails(order):
         assert np.all(in_set == (side > 0))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_outside_g_recovers_at_the_rate_asked_unless_the_reserve_is_spent(order, period):
@@ -332,6 +339,7 @@ def test_outside_the_set_is_left_behind(order):
     assert np.all(g(x)[0] >= -1e-9 * (1 + np.abs(x).max(axis=1)))
 
 
+@pytest.mark.interpreted
 def test_rounding_on_the_boundary_counts_as_inside():
     rng = np.random.default_rng(110)
     for order in ORDERS:

@@ -66,6 +66,7 @@ def test_what_is_safe_passes_bit_for_bit(flat, snap):
         assert answer.correction == 0.0
 
 
+@pytest.mark.interpreted
 def test_correction_is_the_least_one_along_the_line_of_sight():
     flat, center, radius, snap = rows(300, seed=1)
     answer = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -111,6 +112,7 @@ def test_filter_is_monotone_along_the_line_of_sight(flat, snap, more):
     assert n @ (high.snap - low.snap) >= -1e-9 * (1.0 + low.correction)
 
 
+@pytest.mark.interpreted
 def test_batch_equals_single_bit_for_bit():
     flat, center, radius, snap = rows(200)
     batch = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -210,6 +212,7 @@ def test_a_missing_wish_is_answered_by_braking():
     np.testing.assert_allclose(tiny.snap, -27.0 * flat[1] - 27.0 * flat[2] - 9.0 * flat[3], rtol=1e-4)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", [0.001, 0.05, 1.0])
 def test_braking_comes_to_rest_and_stays_shielded(period):
     flat, shield = np.array([[4.0, 0, 0], [-2.0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]]), cbf()
@@ -245,6 +248,7 @@ def test_in_continuous_time_the_sphere_is_never_entered():
     assert 1.0 <= least < 1.1
 
 
+@pytest.mark.interpreted
 def test_without_the_shield_the_same_attack_hits():
     assert fly_at_the_sphere(None, 3.0, 1e-3) < 0.9
 

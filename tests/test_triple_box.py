@@ -103,6 +103,7 @@ def test_a_cap_that_x1_cannot_rise_above_leaves_no_state():
     assert capped3(-1.0, 0.6, 5.0, 1.0, 0.0, 0.0)[0] == 5.0
 
 
+@pytest.mark.interpreted
 def test_eq28_is_the_least_of_its_eight_functions():
     rng, box = np.random.default_rng(0), LOPSIDED
     lower, upper, u_min, u_max = box.bounds
@@ -129,6 +130,7 @@ def test_eq28_is_convex(box):
     assert (box.value(0.5 * (x + y)) >= least - 1e-12 * (1.0 + abs(least))).all()
 
 
+@pytest.mark.interpreted
 def test_eq28_is_its_own_mirror_image():
     lower, upper, u_min, u_max = LOPSIDED.bounds
     mirrored, x = BoxSet(-upper, -lower, -u_max, -u_min), np.random.default_rng(2).normal(size=(300, 3))
@@ -255,6 +257,7 @@ def adversarial_states(box, rng, count):
     return x
 
 
+@pytest.mark.interpreted
 def test_theorem1_counter_case_28_is_not_invariant_where_it_fails():
     """Where g_3^b and its mirror meet, every input takes x_3 out of the box."""
     lower, upper, u_min, u_max = TIGHT.bounds
@@ -265,6 +268,7 @@ def test_theorem1_counter_case_28_is_not_invariant_where_it_fails():
     assert best_margin(x, lower, upper, u_min, u_max, steps, False) < -3e-3
 
 
+@pytest.mark.interpreted
 def test_theorem1_asks_for_more_than_it_needs():
     """Only (lower_1, lower_3) is missed: the two opposite corners exclude conflicts, and (28) is maximal."""
     box = BoxSet([-1.0, -2.0, -2.0], [0.4, 0.1, 2.0], -1.0, 1.0)

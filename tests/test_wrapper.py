@@ -171,6 +171,7 @@ def test_a_missing_action_is_counted_as_fallback():
     assert np.isnan(info["shield"]["snap_desired"]).all()
 
 
+@pytest.mark.interpreted
 def test_penalty_is_paid_for_the_share_of_periods():
     env = ShieldWrapper(EchoEnv(), intervention_penalty=0.5)
     env.reset()
@@ -225,6 +226,7 @@ def test_copies_have_their_own_shield():
         assert env.unwrapped.is_shielded
 
 
+@pytest.mark.interpreted
 def test_vector_rows_equal_single_envs():
     actions = np.array([ATTACK, CALM, [np.nan, 0.0, 0.0]])
     vector = VectorShieldWrapper(EchoVectorEnv(), intervention_penalty=0.5)
@@ -277,6 +279,7 @@ def attack(env):
     return np.append(direction / np.abs(direction).max(), 0.0).astype(np.float32)
 
 
+@pytest.mark.interpreted
 def test_avoid_passes_the_env_checker():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -285,6 +288,7 @@ def test_avoid_passes_the_env_checker():
     assert "is different from the unwrapped version" in str(caught[0].message)
 
 
+@pytest.mark.interpreted
 def test_avoid_is_rebuilt_with_its_shield_from_the_spec():
     env = ShieldWrapper(gymnasium.make(AVOID, action="snap"), snap_max=60.0, intervention_penalty=0.1)
     assert env.spec is not None
@@ -301,6 +305,7 @@ def test_avoid_is_rebuilt_with_its_shield_from_the_spec():
     assert recorded == {"intervention_penalty": 0.1, **env.shield.settings}
 
 
+@pytest.mark.interpreted
 def test_avoid_survives_pickle_and_deepcopy_in_flight():
     env = ShieldWrapper(gymnasium.make(AVOID))
     env.reset(seed=1)
@@ -355,6 +360,7 @@ def test_a_filter_that_never_intervenes_changes_no_bit():
     assert np.array_equal(bare.unwrapped.state, shielded.unwrapped.state)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
 def test_every_action_interface_is_shielded(action):
     env = ShieldWrapper(gymnasium.make(AVOID, action=action))
