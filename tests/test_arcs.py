@@ -57,6 +57,7 @@ def spheres_near(rng, path, times, drift, spare):
     return Spheres(centers, np.array([velocity, np.zeros(3)]), np.array([distance / spare, 0.0])), distance
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(SEEDS)
 def test_eq9_flown_is_the_polynomial_of_a_held_snap(seed):
@@ -67,6 +68,7 @@ def test_eq9_flown_is_the_polynomial_of_a_held_snap(seed):
     np.testing.assert_allclose(reached, expected, rtol=1e-13, atol=1e-11)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=100, deadline=None)
 @given(SEEDS)
 def test_flown_twice_is_flown_once(seed):
@@ -139,6 +141,7 @@ def test_a_moderate_arc_with_five_millimetres_to_spare_is_clear():
             assert arc_is_clear(flat_state(rows), three(snap), start, duration, spheres, FLOOR)
 
 
+@pytest.mark.interpreted
 def test_an_arc_through_a_sphere_between_its_ends_is_not_clear():
     x = flat_state([[-1.0, 0, 0], [10.0, 0, 0], [0, 0, 0], [0, 0, 0]])
     spheres = Spheres(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.05]))

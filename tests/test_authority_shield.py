@@ -90,6 +90,7 @@ def test_what_is_within_the_authority_and_can_be_stopped_passes_bit_for_bit():
     assert answer.obstacle == -1 and answer.correction == 0.0
 
 
+@pytest.mark.interpreted
 def test_beyond_the_authority_the_snap_is_shortened_and_no_sphere_is_blamed():
     wanted = np.array([4000.0, 0.0, 0.0])
     answer = Shield(authority=LIMITS).filter(np.zeros((4, 3)), [[0.0, 50.0, 0.0]], [1.0], wanted, PERIOD)
@@ -190,6 +191,7 @@ def test_where_its_limits_conflict_a_vehicle_brakes(radius):
     assert conflicts > 0
 
 
+@pytest.mark.interpreted
 def test_authority_comes_as_a_mapping_too_and_survives_json():
     shield = Shield(authority=TABLE)
     twin = Shield(**json.loads(json.dumps(shield.settings)))
@@ -197,6 +199,7 @@ def test_authority_comes_as_a_mapping_too_and_survives_json():
     assert shield.settings["snap_max"] is None
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -212,6 +215,7 @@ def test_bad_authorities_are_named(changed, message):
         Shield(**changed)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("value", ["vehicle", 3.0, {"snap_max": 1.0}])
 def test_a_shield_alone_knows_no_vehicle(value):
     with pytest.raises(TypeError, match="authority must be an Authority or a mapping"):
@@ -228,6 +232,7 @@ def test_the_wrapper_asks_the_vehicle_and_its_spec_keeps_the_word(params):
     assert '"authority": "vehicle"' in env.spec.to_json().replace('\\"', '"')
 
 
+@pytest.mark.interpreted
 def test_another_word_and_a_plant_without_authority_are_errors():
     with pytest.raises(ValueError, match="authority must be 'vehicle'"):
         ShieldWrapper(gymnasium.make("QuadSafe/Avoid-v0"), authority="rotors")

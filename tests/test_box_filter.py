@@ -90,6 +90,7 @@ def test_invariance_under_attack_up_to_the_step_of_the_simulation(box, alpha):
         assert (x >= box.bounds.lower - 3e-3).all() and (x <= box.bounds.upper + 3e-3).all()
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_side_that_is_further_out_decides():
     u, in_set = box_input(SPEED_LIMIT, [[0.0, 0.7], [0.0, -0.7], [0.7, 0.55]], 0.0, 2.0)
     assert not in_set.any() and u[0] <= 0.0 and u[1] >= 0.0 and u[2] == -1.0
@@ -104,6 +105,7 @@ def test_the_mirror_image_gets_the_mirrored_input():
     assert box_input(mirrored, -x, -wanted, 2.0)[0] == pytest.approx(-u, abs=1e-9)
 
 
+@pytest.mark.interpreted
 def test_shapes():
     u, in_set = box_input(GEOFENCE, np.zeros((4, 5, 3)), 0.1, 2.0)
     assert u.shape == in_set.shape == (4, 5)

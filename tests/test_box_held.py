@@ -41,6 +41,7 @@ def kernel_box(box, period):
     return Box(tuple(box.bounds.lower.tolist()), tuple(box.bounds.upper.tolist()), *box.bounds[2:], period)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 50.0), st.floats(0.01, 3.0), st.floats(0.001, 2.0))
 def test_braking_in_whole_periods_shifts_x2_as_counted_one_by_one(q, step, period):
@@ -52,6 +53,7 @@ def test_braking_in_whole_periods_shifts_x2_as_counted_one_by_one(q, step, perio
     assert braking_shift(q, step, period) == pytest.approx(shift, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 1e3), st.floats(0.01, 3.0), st.floats(0.001, 2.0))
 def test_the_fastest_end_of_a_period_uses_up_the_room(d, step, period):
@@ -98,6 +100,7 @@ def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
             assert np.isfinite(extremes_to_rest(3, policy, x, (x, x), limits)).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("policy", [STOP, RISE, FALL])
 def test_policies_are_continuous(policy):
     rng, limits = np.random.default_rng(3), kernel_box(GEOFENCE, 0.05)
@@ -107,6 +110,7 @@ def test_policies_are_continuous(policy):
         assert abs(both[0] - both[1]) < 1e-9 * 20.0 / 0.05**2
 
 
+@pytest.mark.interpreted
 def test_rise_loses_less_x3_than_stop_and_fall_gains_less():
     limits = kernel_box(GEOFENCE, 0.01)
     x = (0.0, -0.4, 0.0)
@@ -180,6 +184,7 @@ def test_the_value_decays_no_faster_than_alpha_allows(name):
     assert (after >= math.exp(-ALPHA * period) * value - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_an_admitted_input_is_returned_as_it_is():
     x = np.array([0.0, 0.1, 0.0])
     for wanted in (-0.4, 0.0, 0.7):
@@ -216,6 +221,7 @@ def test_the_correction_is_the_least_that_a_dense_search_finds(name):
     assert np.median(excess) <= 1e-6 and np.mean(np.array(excess) <= 1e-6) > 0.98
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_backup_leaves_the_box_least_and_says_so():
     u, in_set = sampled_box_input(GEOFENCE, [0.0, 0.9, 0.95], 1.0, 0.02, ALPHA)
     assert not in_set and u == pytest.approx(-1.0)
@@ -236,6 +242,7 @@ def test_the_mirror_image_gets_the_mirrored_input():
     assert u == pytest.approx(-v, abs=1e-6)
 
 
+@pytest.mark.interpreted
 def test_shapes():
     x = np.zeros((4, 5, 3))
     u, in_set = sampled_box_input(GEOFENCE, x, 0.3, 0.02, ALPHA)

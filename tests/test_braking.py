@@ -236,6 +236,7 @@ def test_the_trajectory_stays_on_the_boundary():
             t += length
 
 
+@pytest.mark.interpreted
 def test_beyond_the_upper_bounds_the_value_is_theirs_or_less():
     limits = braking_set()
     assert limits.value([1.2, -3.0, 5.0, 9.0]) == pytest.approx(-0.2)
@@ -243,6 +244,7 @@ def test_beyond_the_upper_bounds_the_value_is_theirs_or_less():
     assert limits.lower_value([0.6, 0.75, 5.0, 9.0])[0] == 8.7
 
 
+@pytest.mark.interpreted
 def test_rows_and_leading_dimensions():
     limits, x = braking_set(), np.random.default_rng(5).normal(size=(3, 4, 4))
     assert limits.value(x).shape == (3, 4) and np.ndim(limits.value(x[0, 0])) == 0

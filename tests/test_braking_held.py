@@ -165,12 +165,14 @@ def test_the_value_decays_no_faster_than_alpha_allows_and_the_correction_is_the_
         assert not any(a for a, b in zip(admitted, below, strict=True) if b < answer - 1e-6)
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_answer_is_the_backup_and_says_so():
     limits = SETS["both bounds"]
     u, in_set = sampled_braking_input(limits, [[0.0, 0.0, -3.0, 0.1], [0.9, 0.7, 0.0, 5.0]], -1.0, 0.05, ALPHA)
     assert not in_set.any() and u.tolist() == [1.0, -1.5]
 
 
+@pytest.mark.interpreted
 def test_shapes():
     limits, x = SETS["both bounds"], np.zeros((2, 3, 4))
     u, in_set = sampled_braking_input(limits, x, 0.0, 0.05, ALPHA)

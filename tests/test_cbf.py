@@ -197,6 +197,7 @@ def attacked(bounds, dt, steps):
     return lowest
 
 
+@pytest.mark.interpreted
 def test_leading_dimensions_broadcast():
     rng = np.random.default_rng(2)
     state, desired = rng.normal(size=(5, 1, 4)), rng.normal(size=6)
@@ -205,6 +206,7 @@ def test_leading_dimensions_broadcast():
     assert U[3, 2] == filtered(state[3, 0], desired[2], 0.5)[0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

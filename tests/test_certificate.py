@@ -184,6 +184,7 @@ def test_on_the_reference_tracking_is_the_stored_snap():
     assert feedback(plan, reference(plan, PERIOD), PERIOD, GAINS) == WORLD
 
 
+@pytest.mark.interpreted
 @settings(max_examples=150, deadline=None)
 @given(SEEDS)
 def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
@@ -226,6 +227,7 @@ def test_an_accepted_snap_comes_back_with_its_stop():
     np.testing.assert_array_equal(plan["begin"], flown(at(0, 0, 0), wanted, PERIOD))
 
 
+@pytest.mark.interpreted
 def test_a_refused_snap_is_replaced_by_the_stored_stop():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     write_stop(plan, x, WORLD, 4, PERIOD)
@@ -273,6 +275,7 @@ def distances(ahead, stored, bare):
     return Distances(*(spheres_of((WORLD, WORLD, keep_out)) for keep_out in (ahead, stored, bare)))
 
 
+@pytest.mark.interpreted
 def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
@@ -281,6 +284,7 @@ def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
     assert answer == (expected, ASTRAY)
 
 
+@pytest.mark.interpreted
 def test_a_stop_that_is_clear_of_the_spheres_of_now_is_flown():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
@@ -288,6 +292,7 @@ def test_a_stop_that_is_clear_of_the_spheres_of_now_is_flown():
     assert answer == (expected, STOPPED)
 
 
+@pytest.mark.interpreted
 def test_a_stop_that_hits_a_sphere_of_now_or_cannot_be_reached_is_forgotten():
     for plan, x, bare in ((*strayed(), 0.65), (strayed()[0], at(0.9, 0, 0), 0.59)):
         answer = certified_snap(plan, x, WORLD, False, PERIOD, distances(1.0, bare, bare), LIMITS, GAINS)
@@ -295,6 +300,7 @@ def test_a_stop_that_hits_a_sphere_of_now_or_cannot_be_reached_is_forgotten():
         assert not plan["is_stored"]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
     rng, checked = np.random.default_rng(4), 0
@@ -312,6 +318,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
     assert checked > 50
 
 
+@pytest.mark.interpreted
 def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     snap, kind = certified_snap(plan, x, WORLD, False, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
@@ -321,6 +328,7 @@ def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     assert stop_is_clear(x, 0.0, WORLD, h, FAR_AWAY, LIMITS)
 
 
+@pytest.mark.interpreted
 def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     # A sphere comes up behind: at rest in the world it would hit, ahead of it at its speed it does not.
     chaser = spheres_of(((-1.5, 0, 0), (1.0, 0, 0), 0.5))
@@ -331,6 +339,7 @@ def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     assert_clear(states, times, chaser)
 
 
+@pytest.mark.interpreted
 def test_an_absent_sphere_lends_no_frame():
     absent = spheres_of((WORLD, (1.0, 0, 0), 0.0))
     plan = empty_plan()
@@ -338,6 +347,7 @@ def test_an_absent_sphere_lends_no_frame():
     np.testing.assert_array_equal(plan["frame"], WORLD)
 
 
+@pytest.mark.interpreted
 def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
     # A stop whose end lies before a sphere, or in it. No new stop can begin: it would have to keep 50 m.
     x = flat_state([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), WORLD, (0.0, 0.0, 40.0)])

@@ -24,6 +24,7 @@ def random_members(sets, n, rng, count):
     return boundary[:, inside < 0.999]
 
 
+@pytest.mark.interpreted
 def test_eq25_is_the_least_of_the_single_values():
     rng = np.random.default_rng(0)
     lower = [-2.0, -1.0, -0.5, 0.3]
@@ -33,6 +34,7 @@ def test_eq25_is_the_least_of_the_single_values():
     assert LowerSet(lower, 2.0).value(x[1, 2]) == np.min(singles, axis=0)[1, 2]
 
 
+@pytest.mark.interpreted
 def test_absent_bounds_do_not_count():
     x = np.random.default_rng(1).normal(size=(50, 4))
     only_last = LowerSet([ABSENT, ABSENT, ABSENT, 0.3], 2.0)
@@ -76,6 +78,7 @@ def test_prop4_maximality_u_max_succeeds_just_inside_and_fails_just_outside(lowe
     assert (margin < 0.0).all()
 
 
+@pytest.mark.interpreted
 def test_lemma2_the_set_asks_for_an_input_only_on_its_boundary():
     sets = LowerSet([-3.0, ABSENT, ABSENT, 0.0], 2.0)
     on_last = np.array([-1.0, 0.5, -2.0, 0.0])
@@ -143,6 +146,7 @@ def test_eq24_example1_no_boundary_state_asks_for_two_inputs_at_once():
     assert {-math.inf, 0.0, 2.0} == set(least) and {-1.0, 0.0, math.inf} == set(greatest)
 
 
+@pytest.mark.interpreted
 def test_eq24_counter_case_a_box_that_is_not_maximal_has_a_conflict():
     lower, upper = [-2.0, -1.0], [-1.0, 1.0]
     assert not BoxSet(lower, upper, -1.0, 1.0).is_maximal()
@@ -151,6 +155,7 @@ def test_eq24_counter_case_a_box_that_is_not_maximal_has_a_conflict():
     assert inputs_on_the_boundary(lower, upper, -1.0, 1.0, x) == (1.0, 0.0)
 
 
+@pytest.mark.interpreted
 def test_eq24_corners_belong_to_the_box_where_no_input_is_needed():
     box = BoxSet([-1.0, -2.0], [1.5, 2.0], -1.0, 2.0)
     assert box.contains([[1.5, -2.0], [-1.0, 2.0], [0.0, 2.0], [0.0, -2.0]]).all()
@@ -159,6 +164,7 @@ def test_eq24_corners_belong_to_the_box_where_no_input_is_needed():
     assert (BoxSet([-1.0], [2.0], -1.0, 1.0).value([[-1.5], [0.0], [2.0]]) == [-0.5, 1.0, 0.0]).all()
 
 
+@pytest.mark.interpreted
 def test_example1_maximal_needs_zero_input_at_the_corners():
     assert BoxSet([3.0], [4.0], -1.0, 1.0).is_maximal()
     assert BoxSet([-1.0, -1.0], [1.0, 1.0], -1.0, 1.0).is_maximal()
@@ -170,6 +176,7 @@ def test_example1_maximal_needs_zero_input_at_the_corners():
     assert BoxSet([-2.0, -math.inf], [-1.0, 1.0], -1.0, 1.0).is_maximal()
 
 
+@pytest.mark.interpreted
 def test_the_box_is_its_own_mirror_image():
     x = np.random.default_rng(7).normal(size=(100, 2))
     box, mirrored = BoxSet([-1.0, -0.5], [1.5, 0.7], -1.0, 2.0), BoxSet([-1.5, -0.7], [1.0, 0.5], -2.0, 1.0)
@@ -210,6 +217,7 @@ def test_bad_input_is_named(build, message):
         build()
 
 
+@pytest.mark.interpreted
 def test_a_bad_input_bound_of_the_wrong_type_is_named():
     with pytest.raises(TypeError, match="u_max must be a number"):
         LowerSet([0.0], [1.0, 2.0])  # type: ignore[arg-type]

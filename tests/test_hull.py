@@ -53,6 +53,7 @@ def test_the_weights_are_the_control_points_of_the_dead_beat_stop(h):
             np.testing.assert_allclose(np.array(x.j) * h**3, JERK[segment] @ scaled, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.interpreted
 @settings(deadline=None, max_examples=200)
 @given(SEEDS, st.sampled_from([FREE, BOUND]), st.booleans())
 def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):

@@ -129,12 +129,14 @@ def test_eq15_first_order():
     assert upper_value([3.0], -1.0, 5.0) == (2.0, 0.0)
 
 
+@pytest.mark.interpreted
 def test_eq16_eq17_second_order_lower():
     for x1, x2 in ((-3.0, 4.0), (0.0, 4.0), (2.0, 4.0)):
         expected = x2 - min(x1, 0.0) ** 2 / (2 * 5.0) - 1.0
         assert lower_value([x1, x2], 5.0, 1.0)[0] == pytest.approx(expected, rel=1e-15)
 
 
+@pytest.mark.interpreted
 def test_eq18_second_order_upper():
     for x1, x2 in ((-3.0, 4.0), (0.0, 4.0), (2.0, 4.0)):
         expected = 9.0 - x2 + max(x1, 0.0) ** 2 / (2 * -5.0)
@@ -154,6 +156,7 @@ def test_eq20_eq21_third_order_where_the_printed_form_holds():
         assert value == pytest.approx(printed_eq20(x1, -abs(x2), x3, 2.0) - 0.5, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_eq21_erratum_the_minimum_at_time_zero_counts_too():
     """x_1 < 0 < x_2 and x_1² >= 2 u x_2: in the printed set, yet its value lies above x_3."""
     x1, x2, x3, u = -3.0, 4.0, 1.0, 1.0
@@ -287,6 +290,7 @@ def test_units_do_not_matter(n):
     assert t_star2 / second == pytest.approx(t_star, rel=1e-6)
 
 
+@pytest.mark.interpreted
 def test_the_value_stays_constant_along_the_extremal_trajectory():
     rng = np.random.default_rng(11)
     for n in (2, 3, 4, 5, 6):
@@ -297,6 +301,7 @@ def test_the_value_stays_constant_along_the_extremal_trajectory():
         assert remaining == pytest.approx(0.5 * t_star, rel=1e-6, abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_eq9_flow():
     assert flow([0.0, 0.0, 0.0, 1.0], 24.0, [0.0, 1.0, 2.0]).tolist() == [
         [0.0, 0.0, 0.0, 1.0],
@@ -327,6 +332,7 @@ def test_bad_input_is_named(arguments, message):
         lower_value(*arguments)
 
 
+@pytest.mark.interpreted
 def test_bad_input_of_the_upper_function_is_named():
     with pytest.raises(ValueError, match="u_min must be < 0"):
         upper_value([1.0, 2.0], 1.0, 0.0)

@@ -52,6 +52,7 @@ def by_least_distance_programming(desired, normals, offsets):
     return desired + np.linalg.pinv(normals[active]) @ gaps[active] if active.any() else desired
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", range(1, 9))
 def test_equals_enumeration_of_active_planes(count):
     rng = np.random.default_rng(count)
@@ -91,11 +92,13 @@ def test_infeasible_sets_are_told_from_feasible_ones(count):
     assert found == {True, False}
 
 
+@pytest.mark.interpreted
 def test_infeasible_answers_nan():
     projected, feasible = project_onto_halfspaces([0.0, 0, 0], [[1.0, 0, 0], [-1, 0, 0]], [1.0, 1.0])
     assert not feasible and np.isnan(projected).all()
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 64))
 def test_karush_kuhn_tucker(seed, count):
@@ -112,6 +115,7 @@ def test_karush_kuhn_tucker(seed, count):
     assert residual <= EXACT * size
 
 
+@pytest.mark.interpreted
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 20))
 def test_symmetries(seed, count):
@@ -174,6 +178,7 @@ def test_nearly_equal_half_spaces(angle):
         assert np.abs(projected - [1.0, 0.1, 0.2]).max() <= 10 * angle + 1e-13
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("thickness", [1e-3, 1e-9, 1e-12, 0.0])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
 def test_thin_slabs_are_feasible(thickness, size):
@@ -196,6 +201,7 @@ def test_overlapping_slabs_are_infeasible(overlap):
         assert not project_onto_halfspaces(rng.normal(size=3), normals, [1.0, -9.0, -1.0 + overlap])[1]
 
 
+@pytest.mark.interpreted
 def test_triangular_prism_that_just_closes():
     angles = np.array([0.3, 0.3 + 2 * np.pi / 3, 0.3 + 4 * np.pi / 3])
     normals = (
@@ -245,6 +251,7 @@ def test_a_far_desired_point_costs_no_digits():
         assert np.max(offsets - normals @ point) <= 1e-13 * (1 + np.abs(point).max())
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [16, 64])
 def test_adversarial_order_is_still_exact(count):
     turn = np.linspace(0.0, 1.5, count)
@@ -267,6 +274,7 @@ def test_leading_dimensions_broadcast():
     assert is_feasible and np.array_equal(row, projected[2, 3])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

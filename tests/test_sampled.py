@@ -72,6 +72,7 @@ def test_value_is_the_least_of_a_dense_search(order, period):
     assert excess.min() >= -1e-14 and excess.max() <= 1e-3 and np.median(excess) <= 1e-5
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_value_is_attained_at_its_minimiser(order, period):

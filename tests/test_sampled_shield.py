@@ -292,6 +292,7 @@ def test_two_moving_spheres_are_never_hit(rate):
     assert flight.thrust[certified].min() >= 1.0 - 1e-9
 
 
+@pytest.mark.interpreted
 def test_accelerating_spheres_are_refused():
     with pytest.raises(ValueError, match="acceleration must be 0, spheres move at constant velocity"):
         Shield().filter(np.zeros((4, 3)), [[2.0, 0, 0]], [0.5], np.zeros(3), PERIOD, acceleration=[[0, 0, 0.1]])
@@ -327,6 +328,7 @@ def test_from_inside_a_sphere_it_gets_out():
     assert last.certified[0]
 
 
+@pytest.mark.interpreted
 def test_at_the_centre_the_answer_is_finite():
     answer = Shield().filter(np.zeros((4, 3)), np.zeros((1, 3)), [0.5], np.zeros(3), PERIOD)
     assert np.isfinite(answer.snap).all()
@@ -368,6 +370,7 @@ def test_from_free_fall_it_comes_to_rest_and_the_thrust_sinks_no_further(left):
     assert flight.clearance[0] > 0.0
 
 
+@pytest.mark.interpreted
 def test_a_sphere_that_jumps_onto_the_path_voids_the_stop():
     shield, flat = Shield(), one([0, 0, 0], [1.0, 0, 0])
     center, radius = np.array([[10.0, 0, 0]]), np.array([0.4])

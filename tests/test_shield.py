@@ -122,6 +122,7 @@ def test_batch_equals_single_bit_for_bit():
         assert all(np.array_equal(a[i], b) for a, b in zip(batch, single, strict=True))
 
 
+@pytest.mark.interpreted
 def test_answers_have_the_shape_of_the_question():
     flat, center, radius, snap = rows(7)
     batch = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -133,6 +134,7 @@ def test_answers_have_the_shape_of_the_question():
     assert not np.shares_memory(batch.snap, snap)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("obstacles", [0, 1, 3])
 def test_without_an_obstacle_everything_passes(obstacles):
     snap = np.array([1e3, -2e3, 3e3])
@@ -142,6 +144,7 @@ def test_without_an_obstacle_everything_passes(obstacles):
     assert (answer.value, answer.in_set, answer.intervened) == (math.inf, True, False)
 
 
+@pytest.mark.interpreted
 def test_the_obstacle_is_found_among_absent_ones():
     flat, center, radius = (
         np.array([[[2.0, 0, 0], [-2.0, 1, 0], [0] * 3, [0] * 3]]),
@@ -161,6 +164,7 @@ def test_the_obstacle_is_found_among_absent_ones():
     assert np.array_equal(alone.snap, among.snap)
 
 
+@pytest.mark.interpreted
 def test_margin_widens_the_radius():
     flat, snap = np.array([[3.0, 0, 0], [-1.0, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([-50.0, 0, 0])
     wide = cbf(margin=0.1).filter(flat, np.zeros((1, 3)), [1.0], snap, PERIOD)
@@ -169,6 +173,7 @@ def test_margin_widens_the_radius():
     assert wide.value == exact.value
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("bound", "flat"),
     [
@@ -187,6 +192,7 @@ def test_optional_bounds_act_on_their_derivative(bound, flat):
     assert not cbf(**{bound: 1.0}).filter(*question).in_set
 
 
+@pytest.mark.interpreted
 def test_recovery_from_outside_is_capped():
     flat = np.array([[1.0, 0, 0], [-4.0, 0, 0], [0, 0, 0], [0, 0, 0]])
     answer = cbf(snap_max=50.0, reserve=2.0).filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
@@ -194,12 +200,14 @@ def test_recovery_from_outside_is_capped():
     assert radial_snap(flat, answer.snap, np.zeros(3)) == pytest.approx(100.0, rel=1e-12)
 
 
+@pytest.mark.interpreted
 def test_at_the_centre_the_answer_is_finite_and_leads_out():
     flat = np.array([[0.0, 0, 0], [-2.0, 0, -1.0], [0, 1.0, 0], [0, 0, -3.0]])
     answer = cbf().filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
     assert np.array_equal(answer.snap, [0.0, 0.0, 300.0])
 
 
+@pytest.mark.interpreted
 def test_a_missing_wish_is_answered_by_braking():
     flat = np.array([[50.0, 0, 0], [1.0, -2.0, 0.5], [3.0, 0, 1.0], [0, 10.0, -5.0]])
     for bad in ([np.nan, 0, 0], [0, np.inf, 0], [0, 0, -np.inf]):
@@ -256,6 +264,7 @@ def test_without_the_shield_the_same_attack_hits():
 SETTINGS = {"snap_max": 40.0, "reserve": 2.0, "alpha": 1.5, "margin": 0.01, "max_closing_speed": 3.0}
 
 
+@pytest.mark.interpreted
 def test_settings_survive_json_pickle_and_copies():
     shield = cbf(**SETTINGS)
     question = (*rows(4), PERIOD)
@@ -272,6 +281,7 @@ def test_settings_survive_json_pickle_and_copies():
     assert cbf(snap_max=np.float32(2.0)).settings["snap_max"] == 2.0
 
 
+@pytest.mark.interpreted
 def test_number_of_plants_is_fixed_until_reset():
     shield = cbf()
     shield.reset(np.array([True, False]))
@@ -284,6 +294,7 @@ def test_number_of_plants_is_fixed_until_reset():
     shield.filter(*rows(2), PERIOD)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("mask", [np.ones(2, dtype=bool), np.ones(3), np.ones((3, 1), dtype=bool)])
 def test_wrong_reset_masks_are_named(mask):
     shield = cbf()
@@ -292,6 +303,7 @@ def test_wrong_reset_masks_are_named(mask):
         shield.reset(mask)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -341,6 +353,7 @@ def test_bad_measurements_are_named(changed, message):
         cbf().filter(**(good | changed))
 
 
+@pytest.mark.interpreted
 def test_what_is_not_a_number_is_a_type_error():
     with pytest.raises(TypeError, match="flat must be an array of real numbers"):
         cbf().filter("here", np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
@@ -358,6 +371,7 @@ def test_one_filtered_row():
     assert braked.snap[0] > 0.0 > braked.snap[1]
 
 
+@pytest.mark.interpreted
 def test_unchecked_arguments_start_no_compilation():
     from shields import joint
 

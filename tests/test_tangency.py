@@ -70,6 +70,7 @@ def test_eq14_erratum_any_input_above_the_least_lowers_the_upper_value():
         assert (upper_lie_derivative(x[ahead], u, -2.0) < 0.0).all()
 
 
+@pytest.mark.interpreted
 def test_at_a_tie_the_rate_is_that_of_the_worst_minimiser():
     x = [-4.0, 6.0, 0.0]  # the third coordinate is as low at 6 s as now
     assert lower_lie_derivative(x, 0.5, 1.0) == 18.0 * (0.5 - 1.0) < x[1]

@@ -98,6 +98,7 @@ def test_eq26_its_rate_is_the_sensitivity_times_the_missing_input(x, u_max, x1_m
         assert (after - value) / step == pytest.approx(factor * (u - u_max), abs=1e-3 * (1.0 + t_star**2))
 
 
+@pytest.mark.interpreted
 def test_a_cap_that_x1_cannot_rise_above_leaves_no_state():
     assert capped3(-1.0, 0.0, 5.0, 1.0, 0.0, 0.0)[0] == -math.inf
     assert capped3(-1.0, 0.6, 5.0, 1.0, 0.0, 0.0)[0] == 5.0
@@ -172,6 +173,7 @@ def test_theorem1_corner_condition_against_a_search_along_the_edges():
     assert seen == {True, False}
 
 
+@pytest.mark.interpreted
 def test_theorem1_holds_for_both_boxes_of_figure_3():
     for box in (UNIT, FLAT):
         assert box.is_maximal() and box.why_not() is None
@@ -292,6 +294,7 @@ def test_lemma2_a_maximal_box_leaves_an_input_everywhere(box):
     assert (least > box.bounds.u_min).any() and (greatest < box.bounds.u_max).any()
 
 
+@pytest.mark.interpreted
 def test_lemma2_intervals_of_single_states():
     box = UNIT
     assert box.input_interval([0.0, 0.0, 0.0]) == (-1.0, 1.0)
@@ -309,6 +312,7 @@ def test_lemma2_intervals_of_single_states():
     assert BoxSet([-1.0], [1.0], -2.0, 1.0).input_interval([1.0]) == (-2.0, 0.0)
 
 
+@pytest.mark.interpreted
 def test_lemma2_at_rest_on_a_bound_an_input_that_leaves_it_is_excluded():
     assert UNIT.input_interval([0.0, 0.0, -1.0]) == (0.0, 1.0)
     assert UNIT.input_interval([0.0, 1.0, 0.0]) == (-1.0, 0.0)
@@ -317,6 +321,7 @@ def test_lemma2_at_rest_on_a_bound_an_input_that_leaves_it_is_excluded():
     assert least.tolist() == [0.0, -math.inf] and greatest.tolist() == [2.0, 2.0]
 
 
+@pytest.mark.interpreted
 def test_lemma2_an_outer_set_has_states_whose_interval_is_empty():
     least, greatest = TIGHT.input_interval(meeting_state(TIGHT))
     assert least > greatest
