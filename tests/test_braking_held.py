@@ -11,6 +11,8 @@ from shields.braking_held import (
     can_brake,
     held_rise,
     held_value,
+    rising_periods,
+    run_of_backup,
     sampled_braking_input,
     sampled_braking_value,
 )
@@ -206,3 +208,52 @@ def test_kernels_of_the_held_braking_set():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call(SETS["both bounds"])
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", [name for name in SETS if name != "g_4"])
+@pytest.mark.parametrize("period", [0.3, 0.02])
+def test_skipped_periods_are_as_many_as_the_input_stays_the_same(name, period):
+    limits, rng = SETS[name], np.random.default_rng(7)
+    bounds = limits.bounds
+    for row in states(limits, rng, 40, period):
+        y = tuple(row.tolist())
+        for _ in range(30):
+            u, periods = run_of_backup(y[0], y[1], bounds, period)
+            # within rounding of u_min it is u_min
+            assert u == pytest.approx(held_rise(y[0], y[1], bounds, period), rel=1e-11) and periods >= 1.0
+            if not periods * period < inf or min(y[:3]) >= 0.0:
+                break
+            for k in range(min(int(periods), 60)):
+                x1, x2 = y[0] + k * period * u, y[1] + k * period * (y[0] + 0.5 * k * period * u)
+                assert held_rise(x1, x2, bounds, period) == pytest.approx(u, abs=1e-9)
+            y = moved(y, u, periods * period)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["both bounds", "x_2 first", "x_1 first", "x_1 alone", "x_2 alone"])
+def test_it_rises_for_as_many_periods_as_leave_room_to_brake(name):
+    limits, rng, period = SETS[name], np.random.default_rng(8), 0.02
+    bounds = limits.bounds
+    for x1, x2, *_ in states(limits, rng, 60, period):
+        t, expected = 0.0, -1
+        while can_brake(x1 + t * bounds.u_max, x2 + t * (x1 + 0.5 * t * bounds.u_max), bounds, period):
+            t, expected = t + period, expected + 1
+        assert rising_periods(x1, x2, bounds, period) == pytest.approx(
+            expected, abs=1.0 if expected > 500 else 0
+        )
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("period", [0.3, 0.01])
+def test_a_long_fall_at_the_greatest_x2_has_its_value_by_hand(period):
+    # x_2 stays at its bound of 0.8 until x_3 = 0 after 12.5 s: x_4 loses x_3²/(2 x_2).
+    limits = SETS["both bounds"]
+    assert sampled_braking_value(limits, [0.0, 0.8, -10.0, 100.0], period) == pytest.approx(100.0 - 62.5)
+    # On the way to it, 1.25 s to x_2 = 0.8 and back to x_1 = 0, the value does not change.
+    x = np.array([0.0, 0.0, -10.0, 100.0])
+    before = sampled_braking_value(limits, x, period)
+    for _ in range(round(3.0 / period)):
+        x = flow(x, held_rise(x[0], x[1], limits.bounds, period), period)
+    assert x[:2] == pytest.approx([0.0, 0.8], abs=1e-9)
+    assert sampled_braking_value(limits, x, period) == pytest.approx(before, abs=1e-9)

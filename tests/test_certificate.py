@@ -22,17 +22,22 @@ from shields.certificate import (
     Distances,
     FlightLimits,
     accept,
+    accept_at_once,
     adopt_stop,
     advance_stop,
     certified_snap,
+    clear_length,
     dead_beat_snap,
     feedback,
+    length_clear_at_once,
     look_at_stored_stop,
+    one_vehicle,
     periods_of,
     reference,
     stop_is_clear,
     write_stop,
 )
+from shields.hull import is_clear_at_once
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
@@ -367,3 +372,80 @@ def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
     unsure = Distances(*(spheres_of((*sphere, keep)) for keep in (50.0, 0.6, 0.54)))
     snap, kind = certified_snap(plan.copy(), x, WORLD, False, PERIOD, unsure, LIMITS, GAINS)
     assert kind == ASTRAY and snap == tracking_snap(plan, x, PERIOD, GAINS)
+
+
+def crowd(rng, reach=2.0):
+    """Three spheres, some of them near, some moving."""
+    return spheres_of(
+        *(
+            (rng.normal(size=3) * reach, rng.normal(size=3) * rng.integers(2), rng.uniform(0.2, 1.0))
+            for _ in range(3)
+        )
+    )
+
+
+@pytest.mark.interpreted
+def test_the_length_is_the_one_asked_for_or_else_the_shortest_that_is_clear():
+    rng, seen = np.random.default_rng(6), set()
+    for _ in range(60):
+        x, spheres, first = some_state(rng), crowd(rng), int(rng.integers(len(LENGTHS)))
+        lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
+        clear = [k for k, h in enumerate(lengths) if stop_is_clear(x, 0.0, WORLD, h, spheres, LIMITS)]
+        expected = first if first in clear else min(clear, default=-1)
+        assert clear_length(x, 0.0, WORLD, first, PERIOD, spheres, LIMITS) == expected
+        seen.add((expected == first, expected < 0))
+    assert len(seen) == 3
+
+
+@pytest.mark.interpreted
+def test_the_quick_length_is_the_one_asked_for_or_else_the_shortest_that_is_clear_at_once():
+    rng, seen = np.random.default_rng(7), set()
+    for _ in range(60):
+        x, spheres, first = some_state(rng), crowd(rng, 1.0), int(rng.integers(len(LENGTHS)))
+        snap = three(rng.normal(size=3) * 20)
+        after, rows = flown(x, snap, PERIOD), one_vehicle(spheres)
+        lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
+        clear = [
+            k
+            for k, h in enumerate(lengths)
+            if is_clear_at_once(0, x, snap, after, h, PERIOD, *rows, 1.0, LIMITS)
+        ]
+        expected = first if first in clear else min(clear, default=-1)
+        assert length_clear_at_once(first, x, snap, after, PERIOD, spheres, LIMITS) == expected
+        plan = empty_plan()
+        plan["choice"] = first
+        assert accept_at_once(0, plan, x, snap, PERIOD, *rows, 1.0, LIMITS) == (first in clear)
+        assert plan["is_stored"] == (first in clear)
+        seen.add((expected == first, expected < 0))
+    assert len(seen) == 3
+
+
+@pytest.mark.interpreted
+def test_a_snap_of_the_greatest_length_is_accepted_and_no_longer_one():
+    for size, expected in ((5.0, True), (5.0 - 1e-9, False)):
+        limits = LIMITS._replace(snap_max=size)
+        assert accept(empty_plan(), at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, FAR_AWAY, limits) == expected
+        rows = one_vehicle(FAR_AWAY)
+        plan = empty_plan()
+        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, *rows, 1.0, limits) == expected
+
+
+@pytest.mark.interpreted
+def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
+    # Past the edge of a sphere: one plane is not enough, several pieces are.
+    x = flat_state([(-0.6, 1.2, 1.1), (0.5, -0.3, 0.4), (-0.5, -1.4, -1.8), (0.5, 2.8, 4.1)])
+    spheres, snap = spheres_of(((-0.7, 0.8, 0.8), WORLD, 0.5)), (0.0, 0.0, 20.0)
+    after = flown(x, snap, PERIOD)
+    assert length_clear_at_once(0, x, snap, after, PERIOD, spheres, LIMITS) == -1
+    plan = empty_plan()
+    assert accept(plan, x, snap, PERIOD, spheres, LIMITS)
+    np.testing.assert_array_equal(plan["begin"], after)
+    jerks, y, h = [after.j], after, int(plan["periods"]) * PERIOD
+    for _ in range(SEGMENTS):
+        y = flown(y, dead_beat_snap(y, WORLD, h), h)
+        jerks.append(y.j)
+    most = max(np.linalg.norm(j) for j in jerks)
+    assert accept(empty_plan(), x, snap, PERIOD, spheres, LIMITS._replace(jerk_max=1.01 * most))
+    assert not accept(
+        empty_plan(), x, snap, PERIOD, spheres, LIMITS._replace(jerk_max=0.99 * np.linalg.norm(after.j))
+    )
