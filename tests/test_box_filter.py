@@ -8,7 +8,7 @@ import pytest
 from shields.box_filter import box_input, side_demand
 from shields.capped import capped3
 from shields.composite import BoxSet
-from shields.integrator import flow, lower_value
+from shields.integrator import flow, lower_value, required_input
 
 inf = math.inf
 GEOFENCE = BoxSet([-1.0, -0.9, -1.0], [0.7, 1.0, 1.0], -1.0, 1.3)
@@ -131,3 +131,21 @@ def test_kernels_of_the_continuous_filter():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_with_lower_bounds_alone_it_is_eq33_in_closed_form(order):
+    lower, alpha, rng = [-1.0, -0.8, -0.6][:order], 2.0, np.random.default_rng(2)
+    box = BoxSet(lower, [1e6, inf, inf][:order], -50.0, 1.3)
+    x = rng.normal(size=(300, order)) * 0.5
+    x = x[box.contains(x)]
+    asked = []
+    for i in range(order):
+        value, t_star = lower_value(x[:, : i + 1], 1.3, lower[i])
+        asked.append([required_input(i + 1, t, g, 1.3, alpha) for t, g in zip(t_star, value, strict=True)])
+    least = np.max(asked, axis=0)
+    wanted = rng.uniform(-3.0, 2.0, len(x))
+    u, in_set = box_input(box, x, wanted, alpha)
+    assert in_set.all() and len(x) > 30
+    assert u == pytest.approx(np.clip(np.maximum(wanted, least), -50.0, 1.3), rel=1e-9)

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from linear_program import best_margin
 
 from shields.braking import BrakingSet
-from shields.braking_arcs import BrakingBounds, braking4, braking_phases
+from shields.braking_arcs import (
+    BrakingBounds,
+    braking4,
+    braking_phases,
+    least_of_arc,
+    peak_sensitivity,
+    size_of_terms,
+)
 from shields.integrator import flow, lower_value
 
 inf = math.inf
@@ -283,3 +290,46 @@ def test_kernels_of_the_braking_set():
 def test_bad_input_is_named(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+@pytest.mark.interpreted
+def test_the_sensitivity_is_the_derivative_of_x4_at_a_fixed_time():
+    limits, rng, step, seen = braking_set(), np.random.default_rng(6), 1e-6, set()
+    change = np.array([step, 0.0, 0.0, 0.0])
+    for row in random_states(rng, 60):
+        x = below_the_upper_bounds(row - [0.1, 0.1, 0.0, 0.0], limits.bounds)
+        phases = braking_phases(x[0], x[1], limits.bounds)
+        ends = np.cumsum(phases[1:])
+        for phase, t in enumerate([*(ends - 0.5 * np.array(phases[1:])), ends[-1] + 0.7]):
+            up, down = (x4_at(x + d, limits.bounds, t) for d in (change, -change))
+            assert peak_sensitivity(phases, t) == pytest.approx((up - down) / (2 * step), rel=1e-4, abs=1e-7)
+            seen.add((phase, phases.T2 > 0.0))
+    assert len(seen) == 8
+
+
+@pytest.mark.interpreted
+def test_an_arc_that_never_falls_leaves_the_least_as_it_is():
+    for y, u, length in (
+        ((0.0, 0.0, 0.0, 1.0), 0.0, 3.0),
+        ((1.0, 2.0, 3.0, 1.0), -0.1, 10.0),
+        ((-1.0, -2.0, -3.0, 1.0), 1.0, 0.0),
+    ):
+        assert least_of_arc(y, u, length, 5.0, 1.0, 0.25) == (1.0, 0.25)
+    # by hand: x_4 = 1 - t + t²/2, least 0.5 after a second; a shorter arc ends before
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 3.0, 5.0, 1.0, 0.25) == (0.5, 6.0)
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 0.5, 5.0, 1.0, 0.25) == (0.625, 5.5)
+    # x_1 turns negative on the way: x_3 = 1 + t/10 - t³/6 is 0 after 1.9 s
+    least, t_star = least_of_arc((0.0, 0.1, 1.0, 1.0), -1.0, 10.0, 0.0, 1.0, 0.0)
+    assert least < -300.0 and t_star == 10.0
+
+
+@pytest.mark.interpreted
+def test_absent_upper_bounds_ask_for_nothing():
+    x = [0.5, -1.0, 1.0, 9.0]
+    for limits in (braking_set(x1_max=inf), braking_set(x2_max=inf), braking_set(x1_max=inf, x2_max=inf)):
+        assert limits.input_interval(x) == (-1.5, 1.0)
+    # the size of the terms, x_2 of 1 m/s² for 2 s, and not above the largest float
+    assert size_of_terms(0.0, 1.0, 0.0, 0.5, 2.0, braking_set().bounds) == pytest.approx(2.0)
+    assert size_of_terms(0.0, 0.0, 0.0, 0.5, inf, braking_set().bounds) <= 1.8e308
+    assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set(lower=30.0).bounds) == 30.0
+    assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set().bounds) == 14.0

@@ -257,3 +257,15 @@ def test_a_long_fall_at_the_greatest_x2_has_its_value_by_hand(period):
         x = flow(x, held_rise(x[0], x[1], limits.bounds, period), period)
     assert x[:2] == pytest.approx([0.0, 0.8], abs=1e-9)
     assert sampled_braking_value(limits, x, period) == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", SETS)
+def test_many_thousand_short_periods_are_counted_on_at_once(name):
+    limits, rng = SETS[name], np.random.default_rng(9)
+    x = states(limits, rng, 40, 1e-5)
+    exact = limits.lower_value(x)[0]
+    # a period's worth of switching
+    assert sampled_braking_value(limits, x, 1e-5) == pytest.approx(
+        exact, abs=1e-4 * (1.0 + np.abs(exact).max())
+    )

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quadsafe_core.feedback import held_gains
-from shields.arcs import CLEAR, Flat, Spheres, ThrustBand, combined, flat_of, flown
+from shields.arcs import CLEAR, HIT, Flat, Spheres, ThrustBand, combined, flat_of, flown
 from shields.certificate import (
     ACCEPTED,
     ASTRAY,
@@ -449,3 +449,27 @@ def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
     assert not accept(
         empty_plan(), x, snap, PERIOD, spheres, LIMITS._replace(jerk_max=0.99 * np.linalg.norm(after.j))
     )
+
+
+@pytest.mark.interpreted
+def test_a_stop_is_hit_by_a_sphere_that_comes_by_long_after_it():
+    plan = empty_plan()
+    write_stop(plan, at(0, 0, 0), WORLD, 0, PERIOD)
+    for velocity, expected in (((-1.0, 0.0, 0.0), HIT), ((1.0, 0.0, 0.0), CLEAR)):
+        assert look_at_stored_stop(plan, PERIOD, spheres_of(((90.0, 0.3, 0.0), velocity, 0.5))) == expected
+    # also of a stop that is over
+    for _ in range(20):
+        advance_stop(plan, PERIOD)
+    assert plan["segments_left"] == 0
+    assert look_at_stored_stop(plan, PERIOD, spheres_of(((90.0, 0.3, 0.0), (-1.0, 0.0, 0.0), 0.5))) == HIT
+
+
+@pytest.mark.interpreted
+def test_every_sphere_of_the_stored_stop_is_looked_at_from_the_start_of_its_segment():
+    x, plan = flat_state([WORLD, (2.0, 0.0, 0.0), WORLD, WORLD]), empty_plan()
+    write_stop(plan, x, WORLD, 6, PERIOD)
+    advance_stop(plan, PERIOD)
+    # A period ago a sphere that moves across was still beside the start, at 0.05 · 10 m.
+    crossing = spheres_of(((0.0, 0.9, 0.0), (0.0, 10.0, 0.0), 0.5))
+    assert look_at_stored_stop(plan, PERIOD, crossing) != CLEAR
+    assert look_at_stored_stop(plan, PERIOD, spheres_of(((0.0, 1.1, 0.0), (0.0, 10.0, 0.0), 0.5))) == CLEAR

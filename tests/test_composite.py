@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from shields.capped import capped3
 from shields.composite import BoxSet, LowerSet
 from shields.integrator import flow, lower_value, upper_value
 
@@ -221,3 +222,32 @@ def test_bad_input_is_named(build, message):
 def test_a_bad_input_bound_of_the_wrong_type_is_named():
     with pytest.raises(TypeError, match="u_max must be a number"):
         LowerSet([0.0], [1.0, 2.0])  # type: ignore[arg-type]
+
+
+@pytest.mark.interpreted
+def test_at_rest_on_a_bound_zero_is_asked_for_and_where_it_moves_in_nothing():
+    sets = LowerSet([-1.0, -1.0, 0.0], 2.0)
+    assert sets.required_input([0.0, 0.0, 0.0]) == 0.0
+    assert sets.required_input([0.0, 0.5, 0.0]) == ABSENT
+    assert sets.required_input([-1.0, 5.0, 5.0]) == 0.0
+    assert sets.input_interval([0.0, 0.0, 0.0]) == (0.0, 2.0)
+    on_x2 = [0.0, -1.0, 9.0]
+    assert LowerSet([-9.0, -1.0, -9.0], 2.0).required_input(on_x2) == 0.0
+    # of third order, with t_star > 0: x_2 = -1, x_3 = 1/... falls by 0.47 while u_max turns it around
+    x = np.array([0.0, -1.0, 0.0])
+    x[2] = -lower_value(x, 2.0, 0.0)[0]
+    assert LowerSet([-9.0, -9.0, 0.0], 2.0).required_input(x) == 2.0
+
+
+@pytest.mark.interpreted
+def test_eq28_on_its_boundary_the_box_leaves_the_input_of_the_capped_trajectory():
+    box = BoxSet([-1.0, -9.0, 0.0], [1.0, 9.0, 9.0], -1.0, 2.0)
+    for x1, expected in ((0.0, (2.0, 2.0)), (1.0, (0.0, 0.0))):
+        # x_2 = -2 cannot be turned before x_1 = 1 is reached
+        x = np.array([x1, -2.0, 5.0])
+        x[2] -= box.value(x) if box.value(x) < 1.0 else 0.0
+        x[2] = 5.0 - capped3(x1, -2.0, 5.0, 2.0, 1.0, 0.0)[0]
+        assert box.value(x) == pytest.approx(0.0, abs=1e-12) and box.contains(x)
+        assert box.input_interval(x) == expected
+    assert box.input_interval([0.0, -0.1, 4.0]) == (-1.0, 2.0)
+    assert box.input_interval([0.0, 0.0, 0.0]) == (0.0, 2.0)

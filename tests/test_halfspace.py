@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from quadsafe_core.authority import Authority
 from shields.arcs import Flat, flown
 from shields.halfspace import (
     Sampling,
@@ -17,7 +18,10 @@ from shields.halfspace import (
     distance_demand,
     excess,
 )
+from shields.integrator import lower_value
 from shields.radial import line_of_sight
+from shields.sampled import sampled_input
+from shields.within import limit_demand
 
 U_MAX, ALPHA, DISTANCE = 200.0, 2.0, 0.5
 PERIODS = [0.05, 0.01, 0.001]
@@ -172,3 +176,51 @@ def test_a_closing_bound_holds_between_samples_too(order):
                 for t in np.linspace(0.0, period, 6):
                     row = flown(x, snap, float(t))[order + 1]
                     assert np.dot(n, row) >= -4.0 - 1e-9
+
+
+@pytest.mark.interpreted
+def test_each_closing_bound_is_the_sampled_filter_of_its_order():
+    rng, period = np.random.default_rng(5), 0.05
+    sampling = sampling_at(period)
+    for _ in range(40):
+        x, n = Flat(*(three(row) for row in rng.normal(size=(4, 3)))), unit(rng)
+        wanted = three(rng.normal(size=3) * 1000)
+        chain = np.array([np.dot(n, x.j), np.dot(n, x.a), np.dot(n, x.v)])
+        asked, values, inside = [], [], []
+        for i, bound in enumerate((-2.0, -3.0, -4.0)):
+            bounds = [-math.inf] * 3
+            bounds[i] = bound
+            demand = closing_along(n, x, wanted, tuple(bounds), sampling)
+            state, u = chain[: 3 - i], np.dot(n, wanted)
+            least, in_set = sampled_input(state, u, period, U_MAX, bound, ALPHA, 3.0)
+            assert demand.least == pytest.approx(least, rel=1e-9) and demand.is_admissible == in_set
+            assert demand.value == pytest.approx(lower_value(state, U_MAX, bound)[0], rel=1e-9)
+            asked.append(demand.least)
+            values.append(demand.value)
+            inside.append(demand.is_admissible)
+        whole = closing_along(n, x, wanted, (-2.0, -3.0, -4.0), sampling)
+        assert whole == (n, max(asked), min(values), all(inside))
+
+
+@pytest.mark.interpreted
+def test_in_free_fall_the_thrust_has_no_direction_and_asks_for_nothing():
+    authority = Authority(380.0, 44.0, 5.0, 20.0, 9.81)
+    x = Flat(NO_NORMAL, NO_NORMAL, (0.0, 0.0, -9.81), (1.0, 2.0, 3.0))
+    for limit in (1, 2):
+        demand = limit_demand(limit, x, (0.0, 0.0, -300.0), sampling_at(0.02), authority)
+        assert excess(demand, (0.0, 0.0, -300.0)) == 0.0 and demand.is_admissible
+
+
+@pytest.mark.interpreted
+def test_the_jerk_plane_touches_the_ball_where_the_jerk_leaves_it():
+    authority, sampling = Authority(380.0, 44.0, 5.0, 20.0, 9.81), sampling_at(0.1)
+    x = Flat(NO_NORMAL, NO_NORMAL, NO_NORMAL, (30.0, 0.0, 0.0))
+    # (30 + 0.1·300, 80)/100: the plane leaves n·(j + Δu) = −44
+    demand = limit_demand(0, x, (300.0, 800.0, 0.0), sampling, authority)
+    assert demand.n == pytest.approx((-0.6, -0.8, 0.0)) and demand.value == pytest.approx(44.0 - 100.0)
+    assert demand.least == pytest.approx((-44.0 + 18.0) / 0.1) and demand.is_admissible
+    inside = limit_demand(0, x, (140.0, 0.0, 0.0), sampling, authority)
+    assert excess(inside, (140.0, 0.0, 0.0)) == 0.0 and inside.is_admissible
+    # a jerk so far out that the greatest snap does not bring it back in a period
+    far = limit_demand(0, x._replace(j=(90.0, 0.0, 0.0)), NO_NORMAL, sampling, authority)
+    assert far.least == 380.0 and not far.is_admissible

@@ -339,3 +339,11 @@ def test_bad_input_of_the_upper_function_is_named():
     with pytest.raises(TypeError, match="x must be an array of real numbers"):
         upper_value("fast", -1.0, 0.0)  # type: ignore[arg-type]
     assert lower_value(np.zeros((0, 4)), 1.0, 0.0)[0].shape == (0,)
+
+
+@pytest.mark.interpreted
+def test_sums_that_leave_the_range_of_floats_on_the_way_come_back():
+    # x_2 - bound = 2.7e308 does not fit; minus x_1²/(2 u_max) = 1.62e308 it does
+    value, t_star = lower2(-1.8e154, 1.7e308, 1.0, -1.0e308)
+    assert value == pytest.approx(1.08e308, rel=1e-12) and t_star == 1.8e154
+    assert lower2(1.0, 1.7e308, 1.0, 1.0e308) == (pytest.approx(0.7e308), 0.0)

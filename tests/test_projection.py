@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from shields.projection import project, project_onto_halfspaces
+from shields.projection import _nearest, _nearest_on_line, project, project_onto_halfspaces
 
 # The projection is exact to rounding; 1e-9 leaves room for the oracles and for conditioning up to 1e5.
 EXACT = 1e-9
@@ -289,3 +289,37 @@ def test_leading_dimensions_broadcast():
 def test_bad_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         project_onto_halfspaces(*arguments)
+
+
+@pytest.mark.interpreted
+def test_on_a_line_each_plane_ahead_behind_and_beside_it_counts():
+    foot, along = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+    def nearest(*planes):
+        normals, offsets = (np.array(part, float) for part in zip(*planes, strict=True))
+        return _nearest_on_line(foot, along, 1.0, normals, offsets, len(offsets))
+
+    up, down, side = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    assert nearest((up, 2.0)) == ((0.0, 0.0, 2.0), True)
+    assert nearest((down, 3.0)) == ((0.0, 0.0, -3.0), True)
+    assert nearest((up, -1.0), (down, -4.0)) == (foot, True)
+    assert nearest((up, 2.0), (up, 1.0), (down, -4.0)) == ((0.0, 0.0, 2.0), True)
+    assert not nearest((up, 2.0), (down, -1.0))[1]
+    assert nearest((up, 2.0), (down, -2.0)) == ((0.0, 0.0, 2.0), True)
+    # a plane along the line: it is on the right side of it, or nowhere
+    assert nearest((side, -1.0), (up, 2.0)) == ((0.0, 0.0, 2.0), True)
+    assert not nearest((side, 1.0), (up, 2.0))[1]
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("seed", range(4))
+def test_plane_by_plane_it_is_the_exchange_of_planes(seed):
+    rng = np.random.default_rng(seed)
+    for count in (1, 2, 3, 5, 9, 20):
+        for _ in range(15):
+            desired, normals, offsets = random_problem(rng, count)
+            point, is_feasible = _nearest(tuple(desired), normals, offsets, count)
+            *expected, expected_feasible = project(tuple(desired), normals, offsets, count)
+            assert is_feasible == expected_feasible
+            if is_feasible:
+                np.testing.assert_allclose(point, expected, atol=EXACT * (1.0 + np.abs(desired).max()))
