@@ -12,7 +12,18 @@ from shields.box_held import ADMITTED, admits, sampled_box_input, sampled_box_va
 from shields.composite import BoxSet
 from shields.dead_beat import braking_shift, fastest_before
 from shields.integrator import flow
-from shields.rest import FALL, RISE, STOP, Box, extremes_of_arc, extremes_to_rest, margin_of, moved3, rest_input
+from shields.rest import (
+    FALL,
+    RISE,
+    STOP,
+    Box,
+    extremes_of_arc,
+    extremes_to_rest,
+    margin_of,
+    moved3,
+    rest_input,
+    run_of_rest,
+)
 
 inf = math.inf
 ALPHA = 2.0
@@ -290,3 +301,76 @@ def test_kernels_of_the_held_box():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("policy", [STOP, RISE, FALL])
+@pytest.mark.parametrize("name", ["geofence", "flat", "only walls"])
+def test_skipped_periods_are_as_many_as_the_input_stays_the_same(name, policy):
+    rng, limits = np.random.default_rng(5), kernel_box(BOXES[name], 0.01)
+    for row in states(BOXES[name], rng, 15):
+        x, runs = tuple(row.tolist()), 0
+        while abs(x[0]) + abs(x[1]) > 1e-9:
+            u, periods = run_of_rest(3, policy, x, limits)
+            assert u == rest_input(3, policy, x, limits) and periods >= 1.0
+            for k in range(int(periods)):
+                held = rest_input(3, policy, moved3(x, u, k * limits.period), limits)
+                assert held == pytest.approx(u, abs=1e-7)
+            x, runs = moved3(x, u, periods * limits.period), runs + 1
+        # a few phases, and between them a few single periods
+        assert runs <= 25
+
+
+@pytest.mark.interpreted
+def test_extremes_of_an_arc_are_those_of_a_dense_search():
+    rng = np.random.default_rng(6)
+    for _ in range(300):
+        x, u = tuple(map(float, rng.normal(size=3))), float(rng.choice([0.0, rng.normal()]))
+        length = float(rng.uniform(0.1, 4.0))
+        path = np.array([moved3(x, u, float(t)) for t in np.linspace(0.0, length, 400)])
+        low, high = extremes_of_arc(x, u, length, (x, x))
+        assert low == pytest.approx(path.min(axis=0), abs=1e-3 * (1.0 + np.abs(path).max()))
+        assert high == pytest.approx(path.max(axis=0), abs=1e-3 * (1.0 + np.abs(path).max()))
+        assert (np.array(low) <= path.min(axis=0) + 1e-12).all() and (high >= path.max(axis=0) - 1e-12).all()
+
+
+@pytest.mark.interpreted
+def test_the_margin_is_that_of_the_last_coordinate_unless_another_bound_is_broken():
+    box = Box((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0), -1.0, 1.0, 0.1)
+    inside = ((-0.5, -1.0, -2.9), (0.5, 1.0, 2.5))
+    assert margin_of(3, inside, box, 1e-12) == pytest.approx(0.1)
+    assert margin_of(2, inside, box, 1e-12) == 1.0 and margin_of(1, inside, box, 1e-12) == 0.5
+    assert margin_of(3, (inside[0], (0.5, 1.0, 2.95)), box, 1e-12) == pytest.approx(0.05)
+    assert margin_of(3, ((-0.5, -1.0, -3.5), inside[1]), box, 1e-12) == -0.5
+    # broken beyond rounding: the least of all; a bound that is just met breaks nothing
+    assert margin_of(3, ((-1.25, -1.0, -2.0), inside[1]), box, 1e-12) == -0.25
+    assert margin_of(3, ((-0.5, -1.0, -3.5), (0.5, 2.125, 2.5)), box, 1e-12) == -0.5
+    assert margin_of(3, ((-0.5, -1.0, -2.0), (0.5, 2.75, 2.5)), box, 1e-12) == -0.75
+    assert margin_of(3, ((-1.0 - 1e-13, -2.0 - 1e-13, -2.0), (1.0, 2.0, 2.5)), box, 1e-12) == 0.5
+    nowhere = ((-inf,) * 3, (inf,) * 3)
+    free = Box((-inf,) * 3, (inf,) * 3, -1.0, 1.0, 0.1)
+    assert margin_of(3, nowhere, box, 1e-12) == margin_of(3, nowhere, free, 1e-12) == -inf
+    assert 1e308 < margin_of(3, inside, free, 1e-12) < inf
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["speed limit", "geofence", "not maximal"])
+def test_the_answer_is_admitted_and_no_input_a_little_nearer_to_the_desired_one_is(name):
+    box, rng, period = BOXES[name], np.random.default_rng(7), 0.1
+    limits, order = kernel_box(box, period), len(box.bounds.lower)
+    x = states(box, rng, 60)
+    wanted, value = rng.uniform(-3.0, 3.0, len(x)), sampled_box_value(box, x, period)
+    u, in_set = sampled_box_input(box, x, wanted, period, ALPHA)
+    assert (in_set == (value >= 0.0)).all()
+    for row, w, answer, v in zip(x[in_set], wanted[in_set], u[in_set], value[in_set], strict=True):
+        state = (*row.tolist(), *(0.0,) * (3 - order))
+        near, target = min(max(w, limits.u_min), limits.u_max), math.exp(-ALPHA * period) * v
+        extremes = extremes_of_arc(state, answer, period, (state, state))
+        after = moved3(state, answer, period)
+        best = max(
+            margin_of(order, extremes_to_rest(order, policy, after, extremes, limits), limits, ADMITTED)
+            for policy in ((STOP, RISE, FALL) if order == 3 else (STOP,))
+        )
+        assert best >= target - 1e-12
+        if abs(near - answer) > 1e-6:
+            assert not admits(order, state, answer + math.copysign(1e-6, near - answer), limits, target)

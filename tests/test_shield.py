@@ -397,3 +397,84 @@ def test_unchecked_arguments_start_no_compilation():
     assert len(getattr(joint.joint_one, "signatures", ())) == compiled
     with pytest.raises(ValueError, match=r"must have shape \(…, 4, 3\)"):
         shield.filter(flat[:3], center, radius, snap, PERIOD)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("method", ["sampled", "cbf"])
+def test_a_shield_goes_on_where_it_was_when_it_gave_the_snapshot(method):
+    flat, center, radius, snap = rows(3)
+    first, second = Shield(method=method), Shield(method=method)
+    assert first.snapshot() == {}
+    for k in range(3):
+        first.filter(flat, center, radius, snap * k, PERIOD)
+    kept = first.snapshot()
+    later = [np.array(first.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    # what was given away does not change
+    second.restore(kept)
+    assert all(np.array_equal(kept[name], entry) for name, entry in second.snapshot().items())
+    again = [np.array(second.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    np.testing.assert_array_equal(again, later)
+    with pytest.raises(ValueError, match="keep their N and K"):
+        second.filter(*rows(2), PERIOD)
+    second.restore({})
+    second.filter(*rows(2), PERIOD)
+
+
+@pytest.mark.interpreted
+def test_a_snapshot_of_one_plant_is_restored_as_one_plant():
+    shield, again = cbf(), cbf()
+    arguments = ([*np.eye(4, 3) * 3.0], CENTER, RADIUS, np.zeros(3))
+    answer = shield.filter(*arguments, PERIOD)
+    again.restore(shield.snapshot())
+    assert again.filter(*arguments, PERIOD).snap.shape == answer.snap.shape == (3,)
+
+
+@pytest.mark.interpreted
+def test_a_snapshot_of_another_method_is_refused():
+    shield = Shield()
+    shield.filter(*rows(2), PERIOD)
+    with pytest.raises(ValueError, match="snapshot must have memory of"):
+        cbf().restore(shield.snapshot())
+
+
+@pytest.mark.interpreted
+def test_velocities_have_the_shape_of_the_centres():
+    flat, center, radius, snap = rows(2)
+    center, radius = np.repeat(center, 3, axis=1), np.repeat(radius, 3, axis=1)
+    for wrong in (np.zeros((3, 2, 3)), np.zeros((2, 3)), np.zeros((4, 3, 3)), "fast"):
+        with pytest.raises(ValueError, match="velocity must have the shape of center"):
+            Shield().filter(flat, center, radius, snap, PERIOD, velocity=wrong)
+    calm = Shield().filter(flat, center, radius, snap, PERIOD)
+    still = Shield().filter(flat, center, radius, snap, PERIOD, velocity=np.zeros((2, 3, 3)))
+    assert np.array_equal(calm.numbers, still.numbers)
+    flat, center, radius, snap = rows(2)
+    with pytest.raises(ValueError, match="velocity must be 0 with method 'cbf'"):
+        cbf().filter(flat, center, np.ones((2, 1)), snap, PERIOD, velocity=np.ones((2, 1, 3)))
+    with pytest.raises(ValueError, match="acceleration must be 0"):
+        cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.ones((2, 1, 3)))
+    cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.zeros((2, 1, 3)))
+
+
+@pytest.mark.interpreted
+def test_a_call_at_another_period_is_that_of_a_new_shield():
+    shield = cbf()
+    for period in (PERIOD, 0.5, PERIOD):
+        for wanted in (np.full((2, 3), np.nan), np.zeros((2, 3))):
+            flat, center, radius, _ = rows(2)
+            answer = shield.filter(flat, center, radius, wanted, period)
+            assert np.array_equal(answer.numbers, cbf().filter(flat, center, radius, wanted, period).numbers)
+
+
+@pytest.mark.interpreted
+def test_the_reserve_is_told_only_of_a_sphere_that_asks_and_in_units_of_the_greatest_snap():
+    calm = shielded(np.array([[9.0, 0.0, 0.0], *np.zeros((3, 3))]), np.zeros(3))
+    assert (calm.reserve, calm.obstacle, calm.intervened, calm.fallback) == (0.0, -1, False, False)
+    flat = np.array([CENTER[0] + [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], *np.zeros((2, 3))])
+    answer = shielded(flat, np.array([-200.0, 0.0, 0.0]))
+    assert answer.obstacle == 0 and answer.intervened
+    asked = radial_snap(flat, answer.snap, CENTER[0])
+    assert answer.reserve == pytest.approx(max(0.0, asked / SNAP_MAX)) and answer.correction > 0.0
+    # the least input is below 0 here: nothing of the reserve
+    slow = np.array([CENTER[0] + [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], *np.zeros((2, 3))])
+    answer = shielded(slow, np.array([-1e6, 0.0, 0.0]))
+    assert answer.intervened and radial_snap(slow, answer.snap, CENTER[0]) < 0.0 and answer.reserve == 0.0
