@@ -149,3 +149,21 @@ def test_with_lower_bounds_alone_it_is_eq33_in_closed_form(order):
     u, in_set = box_input(box, x, wanted, alpha)
     assert in_set.all() and len(x) > 30
     assert u == pytest.approx(np.clip(np.maximum(wanted, least), -50.0, 1.3), rel=1e-9)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("box", [GEOFENCE, FLAT])
+def test_where_the_demands_conflict_alpha_is_raised_until_one_input_is_left(box):
+    x, found, slow = states_inside(box, np.random.default_rng(3), 200), 0, 0.1
+    for row in x:
+        low, high = slow, 1e6
+        if conflict(box, row, low) <= 1e-9 or conflict(box, row, high) > 0.0:
+            continue
+        for _ in range(60):
+            alpha = 0.5 * (low + high)
+            low, high = (alpha, high) if conflict(box, row, alpha) > 0.0 else (low, alpha)
+        left = side_demand(row, box.bounds.lower, box.bounds.upper[0], box.bounds.u_max, high)[0]
+        for wanted in (-5.0, 5.0):
+            assert box_input(box, row, wanted, slow)[0] == pytest.approx(left, abs=1e-6)
+        found += 1
+    assert found > 10

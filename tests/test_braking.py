@@ -318,6 +318,7 @@ def test_an_arc_that_never_falls_leaves_the_least_as_it_is():
     # by hand: x_4 = 1 - t + t²/2, least 0.5 after a second; a shorter arc ends before
     assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 3.0, 5.0, 1.0, 0.25) == (0.5, 6.0)
     assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 0.5, 5.0, 1.0, 0.25) == (0.625, 5.5)
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 1.0, 5.0, 1.0, 0.25) == (0.5, 6.0)
     # x_1 turns negative on the way: x_3 = 1 + t/10 - t³/6 is 0 after 1.9 s
     least, t_star = least_of_arc((0.0, 0.1, 1.0, 1.0), -1.0, 10.0, 0.0, 1.0, 0.0)
     assert least < -300.0 and t_star == 10.0

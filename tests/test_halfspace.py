@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from quadsafe_core.authority import Authority
 from shields.arcs import Flat, flown
 from shields.halfspace import (
+    Demand,
     Sampling,
     better,
     closest_approach,
@@ -224,3 +225,16 @@ def test_the_jerk_plane_touches_the_ball_where_the_jerk_leaves_it():
     # a jerk so far out that the greatest snap does not bring it back in a period
     far = limit_demand(0, x._replace(j=(90.0, 0.0, 0.0)), NO_NORMAL, sampling, authority)
     assert far.least == 380.0 and not far.is_admissible
+
+
+@pytest.mark.interpreted
+def test_membership_comes_first_then_the_correction_or_outside_the_value():
+    n, wanted = (1.0, 0.0, 0.0), (5.0, 0.0, 0.0)
+    little, much = Demand(n, 6.0, 0.5, True), Demand(n, 9.0, 3.0, True)
+    near, far = Demand(n, 2.0, -0.1, False), Demand(n, 1.0, -0.5, False)
+    for best, other in ((little, much), (much, near), (little, far), (near, far)):
+        assert better(best, other, wanted) == better(other, best, wanted) == best
+    # none asks for a correction: the first stays
+    free = Demand(n, 4.0, 9.0, True), Demand(n, 3.0, 1.0, True)
+    assert better(*free, wanted) == free[0] and better(*free[::-1], wanted) == free[1]
+    assert excess(little, wanted) == 1.0 and excess(free[0], wanted) == 0.0
