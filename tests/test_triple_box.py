@@ -11,7 +11,7 @@ from linear_program import best_margin
 
 from shields.capped import capped3, least_corner_x2
 from shields.composite import BoxSet, LowerSet
-from shields.integrator import flow, lower3, lower_value, upper_value
+from shields.integrator import flow, lower2, lower3, lower_value, upper_value
 
 UNIT = BoxSet([-1.0] * 3, [1.0] * 3, -1.0, 1.0)  # Fig. 3, left
 FLAT = BoxSet([-1.0] * 3, [0.2, 1.0, 1.0], -1.0, 1.0)  # Fig. 3, right
@@ -345,3 +345,20 @@ def test_kernels_of_the_triple_box():
     assert FLAT.is_maximal() and not TIGHT.is_maximal()
     assert least_corner_x2(-1.0, 1.0, -9.0, 1.0) == 0.375
     assert least_corner_x2(-1.0, 0.4, -9.0, 1.0) == pytest.approx(0.98 - math.sqrt(0.4 * 1.4**3 / 3.0))
+
+
+@pytest.mark.interpreted
+def test_the_least_corner_x2_is_the_least_that_the_lower_functions_allow():
+    rng, seen = np.random.default_rng(8), set()
+    for _ in range(200):
+        x1_min, x1_max, x2_min, u_max = -rng.uniform(0.1, 3.0), *(rng.uniform(0.1, 2.0, 3) * [1.0, -1.0, 1.0])
+        x2 = least_corner_x2(x1_min, x1_max, x2_min, u_max)
+
+        def values(x2):
+            third = capped3(x1_min, x2, 0.0, u_max, x1_max, 0.0)[0]  # noqa: B023
+            return lower2(x1_min, x2, u_max, x2_min)[0], third  # noqa: B023
+
+        assert min(values(x2)) == pytest.approx(0.0, abs=1e-9)
+        assert min(values(x2 - 1e-6)) < 0.0
+        seen.add((values(x2)[0] < 1e-9, -x1_min <= 2.0 * x1_max))
+    assert len(seen) == 4
