@@ -374,3 +374,25 @@ def test_the_answer_is_admitted_and_no_input_a_little_nearer_to_the_desired_one_
         assert best >= target - 1e-12
         if abs(near - answer) > 1e-6:
             assert not admits(order, state, answer + math.copysign(1e-6, near - answer), limits, target)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["geofence", "flat", "only walls"])
+def test_other_units_change_no_digit(name):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    box, rng, period = BOXES[name], np.random.default_rng(8), 0.004
+    length, time = 2.0**40, 2.0**-3
+    units = length / time ** np.array([2.0, 1.0, 0.0])
+    lower, upper, u = box.bounds.lower * units, box.bounds.upper * units, length / time**3
+    scaled = BoxSet(lower, upper, box.bounds.u_min * u, box.bounds.u_max * u)
+    x, wanted = states(box, rng, 10), rng.uniform(-2.0, 2.0, 10)
+    limits, limits_scaled = kernel_box(box, period), kernel_box(scaled, period * time)
+    for row in x:
+        for policy in (STOP, RISE, FALL):
+            start, start_scaled = tuple(row.tolist()), tuple((row * units).tolist())
+            expected = np.array(extremes_to_rest(3, policy, start, (start, start), limits)) * units
+            found = extremes_to_rest(3, policy, start_scaled, (start_scaled, start_scaled), limits_scaled)
+            np.testing.assert_array_equal(found, expected)
+    inputs, in_set = sampled_box_input(box, x, wanted, 0.1, ALPHA)
+    found = sampled_box_input(scaled, x * units, wanted * u, 0.1 * time, ALPHA / time)
+    np.testing.assert_array_equal(found, (inputs * u, in_set))

@@ -269,3 +269,22 @@ def test_many_thousand_short_periods_are_counted_on_at_once(name):
     assert sampled_braking_value(limits, x, 1e-5) == pytest.approx(
         exact, abs=1e-4 * (1.0 + np.abs(exact).max())
     )
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", SETS)
+def test_other_units_change_no_digit(name):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    limits, rng, period = SETS[name], np.random.default_rng(10), 0.01
+    length, time = 2.0**30, 2.0**-4
+    units, u = length / time ** np.array([3.0, 2.0, 1.0, 0.0]), length / time**4
+    lower, x1_max, x2_max, *ends = limits.bounds
+    scaled = BrakingSet(lower * length, x1_max * units[0], x2_max * units[1], *(end * u for end in ends))
+    x = states(limits, rng, 20, period)
+    inputs, in_set = sampled_braking_input(limits, x, -0.7, period, ALPHA)
+    found = sampled_braking_input(scaled, x * units, -0.7 * u, period * time, ALPHA / time)
+    np.testing.assert_array_equal(found, (inputs * u, in_set))
+    value = sampled_braking_value(limits, x, period)
+    np.testing.assert_array_equal(sampled_braking_value(scaled, x * units, period * time), value * length)
+    np.testing.assert_array_equal(scaled.value(x * units) >= 0.0, limits.value(x) >= 0.0)
+    np.testing.assert_array_equal(scaled.input_interval(x * units), np.array(limits.input_interval(x)) * u)

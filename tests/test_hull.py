@@ -125,9 +125,9 @@ def test_each_limit_alone_is_noticed():
     assert not clear(hover, velocity=(-1.0, 0.0, 0.0)) and clear(hover, velocity=(1.0, 0.0, 0.0))
 
 
-def pieces(x, snap, h):
+def pieces(x, snap, h, period=PERIOD):
     """The period and the three segments of the stop after it: flat state, snap, length."""
-    found = [(x, snap, PERIOD)]
+    found = [(x, snap, period)]
     for _ in range(SEGMENTS):
         x = flown(found[-1][0], found[-1][1], found[-1][2])
         found.append((x, dead_beat_snap(x, NOTHING, h), h))
@@ -143,23 +143,26 @@ def cases(count):
 
 
 @pytest.mark.interpreted
-def test_a_plane_separates_up_to_the_nearest_control_point():
-    for rng, x, snap, h in cases(60):
+@pytest.mark.parametrize("period", [PERIOD, 0.7])
+def test_a_plane_separates_up_to_the_nearest_control_point(period):
+    nearest = set()
+    for rng, x, snap, h in cases(150):
         n, velocity = rng.normal(size=3), rng.normal(size=3) * 0.5
-        least, start = math.inf, 0.0
-        center = np.array(x.r) - 10.0 * n
-        for y, u, length in pieces(x, snap, h):
+        center, distances, start = np.array(x.r) - 10.0 * n, [], 0.0
+        for y, u, length in pieces(x, snap, h, period):
             for i, point in enumerate(position_points(y, u, length)):
-                least = min(least, n @ (point - center - (start + i / 4 * length) * velocity))
+                gap = point - center - (start + i / 4 * length) * velocity
+                distances.append(n @ gap / np.linalg.norm(n))
             start += length
-        least /= np.linalg.norm(n)
-        after = flown(x, snap, PERIOD)
-        for keep, expected in ((least - 1e-9, True), (least + 1e-9, False)):
-            gap = tuple(np.array(x.r) - center)
+        nearest.add(int(np.argmin(distances)))
+        after, gap = flown(x, snap, period), tuple(np.array(x.r) - center)
+        for keep, expected in ((min(distances) - 1e-9, True), (min(distances) + 1e-9, False)):
             found = plane_separates(
-                tuple(n), keep, gap, tuple(velocity), x, snap, after, scaled(after, h), PERIOD
+                tuple(n), keep, gap, tuple(velocity), x, snap, after, scaled(after, h), period
             )
             assert found == expected
+    # in a long period each of its points is the nearest one now and then
+    assert len(nearest) >= 6 and (period == PERIOD or {0, 1, 2, 3} <= nearest)
 
 
 @pytest.mark.interpreted

@@ -323,3 +323,15 @@ def test_plane_by_plane_it_is_the_exchange_of_planes(seed):
             assert is_feasible == expected_feasible
             if is_feasible:
                 np.testing.assert_allclose(point, expected, atol=EXACT * (1.0 + np.abs(desired).max()))
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("count", [2, 5, 12])
+def test_other_units_change_no_digit(count):
+    rng, unit_of_length = np.random.default_rng(count), 2.0**50
+    for _ in range(100):
+        desired, normals, offsets = random_problem(rng, count)
+        point, feasible = project_onto_halfspaces(desired, normals, offsets)
+        found = project_onto_halfspaces(desired * unit_of_length, normals, offsets * unit_of_length)
+        np.testing.assert_array_equal(found[0], point * unit_of_length)
+        assert found[1] == feasible

@@ -481,3 +481,22 @@ def test_the_rise_of_the_input_lifts_by_what_is_missing():
     assert _rise_at(2, p, 0.4, period, 5.0, 0.0) == _rise_at(2, p, 0.4, period, 5.0, -1.0) == 0.0
     lifted = _rise_at(2, p, 0.4, period, 5.0, 0.25) * weight(2, 0.4, period)
     assert lifted == pytest.approx(0.25, rel=1e-12) and lifted > 0.25
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", ORDERS)
+def test_other_units_change_no_digit(order):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    # the fourth order starts from the bits of its numbers, and ends within rounding
+    slack = 1e-13 if order == 4 else 0.0
+    rng, period, length, time = np.random.default_rng(order), 0.05, 2.0**24, 2.0**-4
+    units = length / time ** np.arange(order - 1.0, -1.0, -1.0)
+    u, x = length / time**order, states(rng, order, rng.normal(size=200) * 0.3)
+    wanted = some_inputs(rng, 200)
+    expected, in_set = sampled_input(x, wanted, period, U_MAX, BOUND, ALPHA)
+    found = sampled_input(x * units, wanted * u, period * time, U_MAX * u, BOUND * length, ALPHA / time)
+    np.testing.assert_allclose(found, (expected * u, in_set), rtol=slack)
+    value, t_star = sampled_value(x, wanted, period, U_MAX, BOUND)
+    found = sampled_value(x * units, wanted * u, period * time, U_MAX * u, BOUND * length)
+    np.testing.assert_allclose(found[0], value * length, rtol=slack, atol=slack * length)
+    np.testing.assert_allclose(found[1], t_star * time, rtol=1e6 * slack)
