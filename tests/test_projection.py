@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from shields.projection import _nearest, _nearest_on_line, project, project_onto_halfspaces
+from shields.projection import _exchanged, _nearest, _nearest_on_line, project, project_onto_halfspaces
 
 # The projection is exact to rounding; 1e-9 leaves room for the oracles and for conditioning up to 1e5.
 EXACT = 1e-9
@@ -335,3 +335,25 @@ def test_other_units_change_no_digit(count):
         found = project_onto_halfspaces(desired * unit_of_length, normals, offsets * unit_of_length)
         np.testing.assert_array_equal(found[0], point * unit_of_length)
         assert found[1] == feasible
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_planes_are_exchanged_in_closed_form(count):
+    """From the answer for the planes before it to that with one more, for planes at wide angles."""
+    rng, none, found, left = np.random.default_rng(count), ((0.0, 0.0, 0.0), 0.0), 0, set()
+    for _ in range(400):
+        normals, gaps = unit(rng.normal(size=(count, 3))), rng.exponential(size=count)
+        before = by_enumeration(np.zeros(3), normals[:-1], gaps[:-1])
+        on_all = np.allclose(normals[:-1] @ before, gaps[:-1])
+        if not on_all or normals[-1] @ before > gaps[-1] or abs(np.linalg.det(normals @ normals.T)) < 0.05:
+            continue  # an answer on every plane before, which the last one cuts off
+        planes = [(tuple(map(float, n)), float(gap)) for n, gap in zip(normals, gaps, strict=True)]
+        *old, last = planes
+        correction, first, second, is_plain = _exchanged(*[*old, none, none][:2], last)
+        np.testing.assert_allclose(correction, by_enumeration(np.zeros(3), normals, gaps), atol=1e-9)
+        kept = [plane for plane in (first, second) if plane[1] != 0.0]
+        assert is_plain and all(plane in planes for plane in kept)
+        found += 1
+        left.add(len(kept))
+    assert found > 20 and len(left) == min(count, 2)
