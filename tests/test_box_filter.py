@@ -167,3 +167,12 @@ def test_where_the_demands_conflict_alpha_is_raised_until_one_input_is_left(box)
             assert box_input(box, row, wanted, slow)[0] == pytest.approx(left, abs=1e-6)
         found += 1
     assert found > 10
+
+
+@pytest.mark.interpreted
+def test_a_function_that_no_input_changes_asks_for_nothing_while_it_is_met():
+    # x_1 is at its bound: more of it cannot be had, and x_3 is met with -0.1 turned around in time
+    lower, x = np.array([-9.0, -9.0, 0.0]), np.array([1.0, -0.1, 5.0])
+    assert side_demand(x, lower, 1.0, 2.0, 1.0)[0] == -10.0
+    # of the function of second order, met or not, while x_2 rises nothing is asked either
+    assert side_demand(np.array([0.5, -8.0]), lower[:2], 1.0, 2.0, 1.0)[0] == -9.5

@@ -354,26 +354,26 @@ def test_the_margin_is_that_of_the_last_coordinate_unless_another_bound_is_broke
 
 
 @pytest.mark.interpreted
-@pytest.mark.parametrize("name", ["speed limit", "geofence", "not maximal"])
+@pytest.mark.parametrize("name", ["geofence", "flat", "not maximal"])
 def test_the_answer_is_admitted_and_no_input_a_little_nearer_to_the_desired_one_is(name):
     box, rng, period = BOXES[name], np.random.default_rng(7), 0.1
-    limits, order = kernel_box(box, period), len(box.bounds.lower)
+    limits = kernel_box(box, period)
     x = states(box, rng, 60)
     wanted, value = rng.uniform(-3.0, 3.0, len(x)), sampled_box_value(box, x, period)
     u, in_set = sampled_box_input(box, x, wanted, period, ALPHA)
     assert (in_set == (value >= 0.0)).all()
     for row, w, answer, v in zip(x[in_set], wanted[in_set], u[in_set], value[in_set], strict=True):
-        state = (*row.tolist(), *(0.0,) * (3 - order))
+        state = tuple(row.tolist())
         near, target = min(max(w, limits.u_min), limits.u_max), math.exp(-ALPHA * period) * v
         extremes = extremes_of_arc(state, answer, period, (state, state))
         after = moved3(state, answer, period)
         best = max(
-            margin_of(order, extremes_to_rest(order, policy, after, extremes, limits), limits, ADMITTED)
-            for policy in ((STOP, RISE, FALL) if order == 3 else (STOP,))
+            margin_of(3, extremes_to_rest(3, policy, after, extremes, limits), limits, ADMITTED)
+            for policy in (STOP, RISE, FALL)
         )
         assert best >= target - 1e-12
         if abs(near - answer) > 1e-6:
-            assert not admits(order, state, answer + math.copysign(1e-6, near - answer), limits, target)
+            assert not admits(3, state, answer + math.copysign(1e-6, near - answer), limits, target)
 
 
 @pytest.mark.interpreted

@@ -334,3 +334,9 @@ def test_absent_upper_bounds_ask_for_nothing():
     assert size_of_terms(0.0, 0.0, 0.0, 0.5, inf, braking_set().bounds) <= 1.8e308
     assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set(lower=30.0).bounds) == 30.0
     assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set().bounds) == 14.0
+
+
+@pytest.mark.interpreted
+def test_while_x4_rises_its_rate_is_x3():
+    limits = braking_set()
+    assert limits.lie_derivative([[0.0, 0.0, 0.7, 5.0], [0.1, 0.2, 0.3, 5.0]], -1.0).tolist() == [0.7, 0.3]

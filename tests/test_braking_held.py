@@ -172,6 +172,9 @@ def test_outside_the_set_the_answer_is_the_backup_and_says_so():
     limits = SETS["both bounds"]
     u, in_set = sampled_braking_input(limits, [[0.0, 0.0, -3.0, 0.1], [0.9, 0.7, 0.0, 5.0]], -1.0, 0.05, ALPHA)
     assert not in_set.any() and u.tolist() == [1.0, -1.5]
+    # also where x_4 has room, but x_2 is too large and falling
+    u, in_set = sampled_braking_input(limits, [-3.0, 0.9, 5.0, 99.0], -1.0, 0.05, ALPHA)
+    assert not in_set and u == 1.0 and sampled_braking_value(limits, [-3.0, 0.9, 5.0, 99.0], 0.05) > 0.0
 
 
 @pytest.mark.interpreted

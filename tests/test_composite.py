@@ -251,3 +251,10 @@ def test_eq28_on_its_boundary_the_box_leaves_the_input_of_the_capped_trajectory(
         assert box.input_interval(x) == expected
     assert box.input_interval([0.0, -0.1, 4.0]) == (-1.0, 2.0)
     assert box.input_interval([0.0, 0.0, 0.0]) == (0.0, 2.0)
+
+
+@pytest.mark.interpreted
+def test_a_hundred_bounds_are_enough():
+    assert LowerSet([*[ABSENT] * 99, 0.0], 1.0).contains([*np.zeros(99), 1.0])
+    with pytest.raises(ValueError, match="100"):
+        LowerSet([*[ABSENT] * 100, 0.0], 1.0)

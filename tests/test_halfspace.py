@@ -129,6 +129,14 @@ def test_a_passing_flight_takes_the_direction_of_closest_approach():
 
 
 @pytest.mark.interpreted
+def test_a_slow_flight_has_its_closest_approach_ahead_too():
+    x = Flat((0.3, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
+    assert closest_approach(x) == pytest.approx((0.0, 0.4, 0.0))
+    far = Flat((3.0, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
+    assert closest_approach(far) == pytest.approx((2.6, 0.4, 0.0))  # after 2 s
+
+
+@pytest.mark.interpreted
 def test_at_rest_and_behind_the_closest_approach_is_now():
     rest = Flat((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert closest_approach(rest) == rest.r

@@ -157,6 +157,11 @@ def test_the_backup_brakes_and_pushes_off():
     last[0] = -1.0, 0.0, 0.0, -1e9
     brake = braking(x.v, x.a, x.j, settings.braking)
     assert backup_snap(x, far, last, settings, open_facts()) == brake and brake[0] < 0.0
+    # A sphere ahead asks for more than braking, and gets no more than that.
+    ahead, last[0] = spheres_at(((1.1, 0.0, 0.0), 1.0)), (-1.0, 0.0, 0.0, 0.0)
+    u, is_feasible = nearest_snap(x, brake, False, ahead, last, settings, open_facts())
+    assert is_feasible and u[0] < brake[0]
+    assert backup_snap(x, ahead, last, settings, open_facts()) == u
     # Between two spheres that ask for opposite things: off the one that asks for more.
     both = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-0.95, 0.0, 0.0), 1.0))
     last = np.array([[-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from shields.held import (
     _lower_in_period,
+    _may_dip,
     derivatives,
     held_lower,
     lift_after,
@@ -500,3 +501,21 @@ def test_other_units_change_no_digit(order):
     found = sampled_value(x * units, wanted * u, period * time, U_MAX * u, BOUND * length)
     np.testing.assert_allclose(found[0], value * length, rtol=slack, atol=slack * length)
     np.testing.assert_allclose(found[1], t_star * time, rtol=1e6 * slack)
+
+
+@pytest.mark.interpreted
+def test_no_dip_within_a_period_is_overlooked():
+    """Whatever the signs and sizes of the Bernstein coefficients of the speed."""
+    rng, dips = np.random.default_rng(160), 0
+    for _ in range(2000):
+        size = 10.0 ** rng.uniform(-3, 3)
+        b0, b1, b2, b3 = rng.choice([-1.0, 1.0], 4) * rng.exponential(size=4) * size
+        period, s = float(rng.uniform(0.1, 3.0)), np.linspace(0.0, 1.0, 300)
+        speed = b0 * (1 - s) ** 3 + 3 * b1 * s * (1 - s) ** 2 + 3 * b2 * s * s * (1 - s) + b3 * s**3
+        y3, y2, y1 = b0, 3 * (b1 - b0) / period, 6 * (b2 - 2 * b1 + b0) / period**2
+        y0 = 6 * (b3 - 3 * b2 + 3 * b1 - b0) / period**3
+        if ((speed[:-1] < -1e-9 * size) & (speed[1:] > 1e-9 * size)).any():
+            assert _may_dip((y0, y1, y2, y3, 0.0), period)
+            dips += 1
+    assert not _may_dip((0.0, 0.0, 1.0, 1.0, 0.0), 1.0) and not _may_dip((0.0, 0.0, -1.0, -1.0, 0.0), 1.0)
+    assert dips > 400

@@ -478,3 +478,14 @@ def test_the_reserve_is_told_only_of_a_sphere_that_asks_and_in_units_of_the_grea
     slow = np.array([CENTER[0] + [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], *np.zeros((2, 3))])
     answer = shielded(slow, np.array([-1e6, 0.0, 0.0]))
     assert answer.intervened and radial_snap(slow, answer.snap, CENTER[0]) < 0.0 and answer.reserve == 0.0
+
+
+@pytest.mark.interpreted
+def test_motion_of_the_spheres_is_heard_in_the_second_call_too():
+    flat, center, radius, snap = rows(2)
+    shield, moving = Shield(), np.ones((2, 1, 3))
+    shield.filter(flat, center, radius, snap, PERIOD)
+    with pytest.raises(ValueError, match="acceleration must be 0"):
+        shield.filter(flat, center, radius, snap, PERIOD, acceleration=moving)
+    still = np.array(shield.filter(flat, center, radius, snap, PERIOD).value)
+    assert not np.array_equal(shield.filter(flat, center, radius, snap, PERIOD, velocity=moving).value, still)
