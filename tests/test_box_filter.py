@@ -120,6 +120,7 @@ def test_kernels_of_the_continuous_filter():
     assert box_input(ALONE, [1.5], 9.0, 0.5)[0] == 0.25
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [

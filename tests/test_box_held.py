@@ -281,6 +281,7 @@ def test_kernels_of_the_held_box():
     )
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [

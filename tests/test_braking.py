@@ -273,6 +273,7 @@ def test_kernels_of_the_braking_set():
     assert limits.input_interval(x)[1][3] == 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("build", "message"),
     [

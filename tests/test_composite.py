@@ -194,6 +194,7 @@ def test_kernels_of_the_composition():
     assert sets.required_input(x).tolist() == [ABSENT, 2.0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("build", "message"),
     [

@@ -313,6 +313,7 @@ def test_eq9_flow():
     assert flow(flow(x, 1.5, 0.3), 1.5, -0.3) == pytest.approx(x, rel=1e-13)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

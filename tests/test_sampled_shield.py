@@ -115,6 +115,7 @@ def test_inside_the_set_everything_passes_bit_for_bit():
     assert (answer.correction == 0).all() and (answer.obstacle == -1).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 100, 1000])
 def test_eq17_the_correction_is_the_least_along_its_normal(rate):
     rng = np.random.default_rng(1)
@@ -168,6 +169,7 @@ def test_a_copy_remembers_and_forgets_by_itself():
         np.testing.assert_array_equal(answers[0].snap[0], new.snap[0])
 
 
+@pytest.mark.interpreted
 def test_a_row_of_a_batch_is_a_single_plant_bit_for_bit():
     rng = np.random.default_rng(3)
     flat, center, radius, velocity = scene(rng, 8, 3, 0.1)
@@ -182,6 +184,7 @@ def test_a_row_of_a_batch_is_a_single_plant_bit_for_bit():
         flat, center = moved(flat, together.snap, PERIOD), center + PERIOD * velocity
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_rotations_about_the_vertical_and_mirrors_commute_with_the_filter(mirrored):
     rng = np.random.default_rng(4)

@@ -323,6 +323,8 @@ def test_bad_settings_are_named(changed, message):
         Shield(**changed)
 
 
+@pytest.mark.interpreted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # compiled, nothing warns
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

@@ -20,6 +20,7 @@ def states(n, count=200, seed=0):
     ]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("u", [-1.5, 0.0, 1.9, 2.0])
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_lemma1_rate_is_the_derivative_along_the_flow(n, u):

@@ -190,6 +190,8 @@ def test_theorem1_least_x2_at_a_corner_is_exact(fall, x1_max, u_max):
     assert least_corner_x2(-fall, x1_max, 1.0, u_max) >= 1.0
 
 
+@pytest.mark.interpreted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # compiled, nothing warns
 @pytest.mark.parametrize(
     ("bounds", "reason"),
     [
