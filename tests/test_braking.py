@@ -341,3 +341,12 @@ def test_absent_upper_bounds_ask_for_nothing():
 def test_while_x4_rises_its_rate_is_x3():
     limits = braking_set()
     assert limits.lie_derivative([[0.0, 0.0, 0.7, 5.0], [0.1, 0.2, 0.3, 5.0]], -1.0).tolist() == [0.7, 0.3]
+
+
+@pytest.mark.interpreted
+def test_beyond_the_braking_arc_it_brakes_at_once_however_small_x1():
+    bounds = braking_set().bounds
+    for x1 in (1e-3, 0.5, 0.9):
+        x2 = bounds.x2_max - 0.5 * x1 * x1 / 1.5
+        assert braking_phases(x1, x2 + 1e-3, bounds)[1:] == (0.0, 0.0, x1 / 1.5)
+        assert braking_phases(x1, x2 - 1e-3, bounds).T1 > 0.0

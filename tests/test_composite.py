@@ -259,3 +259,12 @@ def test_a_hundred_bounds_are_enough():
     assert LowerSet([*[ABSENT] * 99, 0.0], 1.0).contains([*np.zeros(99), 1.0])
     with pytest.raises(ValueError, match="100"):
         LowerSet([*[ABSENT] * 100, 0.0], 1.0)
+
+
+@pytest.mark.interpreted
+def test_five_bounds_and_more_are_those_of_the_single_values():
+    x = np.random.default_rng(9).normal(size=(20, 6)) + np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    for order in (5, 6):
+        singles = [lower_value(x[:, : i + 1], 2.0, -1.0 - i)[0] for i in range(order)]
+        found = LowerSet([-1.0 - i for i in range(order)], 2.0).value(x[:, :order])
+        assert found == pytest.approx(np.min(singles, axis=0), rel=1e-12)

@@ -217,6 +217,9 @@ def test_a_snap_is_shortened_along_the_way_to_the_least_one():
     assert shortened((3.0, 4.0, 0.0), spaces, 5.0) == (3.0, 4.0, 0.0)
     # From (3, 8, 0) towards (3, 0, 0), to length 5.
     assert shortened((3.0, 8.0, 0.0), spaces, 5.0) == pytest.approx((3.0, 4.0, 0.0), abs=1e-10)
+    # From (6, 4, 0) towards (3, 0, 0): 25 s² + 18 s = 16 where (3 + 3 s, 4 s) has the length 5.
+    s = (math.sqrt(18.0**2 + 4 * 25 * 16) - 18.0) / 50.0
+    assert shortened((6.0, 4.0, 0.0), spaces, 5.0) == pytest.approx((3.0 + 3.0 * s, 4.0 * s, 0.0), abs=1e-10)
     # There is none of length 2 with x >= 3.
     assert shortened((3.0, 8.0, 0.0), spaces, 2.0) == (3.0, 8.0, 0.0)
 
@@ -287,3 +290,24 @@ def test_a_bound_on_the_closing_speed_cuts_what_the_distance_admits():
     least = sampled_input(np.array([[0.0, 0.0, -0.9]]), -2000.0, PERIOD, 200.0, -1.0, 2.0)[0][0]
     assert is_feasible and u == pytest.approx((-least, 1.0, 2.0))
     assert facts[VALUE] == pytest.approx(0.1) and facts[OBSTACLE] == 0.0
+
+
+@pytest.mark.interpreted
+def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
+    flat = np.zeros((3, 4, 3))
+    flat[:, 1] = 0.1, 0.2, 0.3
+    center, radius = np.full((3, 2, 3), 2.0), np.ones((3, 2))
+    shield = Shield()
+    shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
+
+    def parts():
+        memory = shield.snapshot()["memory"]
+        half_spaces, velocities, stops, _ = places(3, 2)
+        return memory[half_spaces:velocities].view(float).reshape(3, -1), memory[stops:].view(PLAN)
+
+    before, plans = parts()
+    assert before[:, :3].any(axis=1).all() and plans["is_stored"].all()
+    shield.reset(np.array([False, True, False]))
+    after, plans = parts()
+    assert not after[1].any() and (after[[0, 2]] == before[[0, 2]]).all()
+    assert plans["is_stored"].tolist() == [True, False, True]
