@@ -50,7 +50,7 @@ def _bits(x):
 
 @inline_kernel
 def _estimate(X, Y):
-    """The positive root of ``m³ + X m = Y`` to within a factor 1.5, from the nearer asymptote."""
+    """The positive root of ``m³ + X m = Y`` to within a factor 1.9, from the nearer asymptote."""
     x, y = _bits(abs(X)), _bits(Y)
     cube = y * (1.0 / 3.0)
     above = _larger(cube + CUBE_ABOVE, 0.5 * x + ROOT_ABOVE)

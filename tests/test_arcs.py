@@ -9,6 +9,9 @@ from hypothesis import strategies as st
 from numpy.polynomial import polynomial
 
 from shields.arcs import (
+    CLEAR,
+    HIT,
+    UNSURE,
     Flat,
     Spheres,
     ThrustBand,
@@ -16,8 +19,14 @@ from shields.arcs import (
     arc_is_clear,
     flat_of,
     flown,
+    is_separated,
+    look_at_pieces,
+    nearest_on_chord,
+    piece_clears,
+    piece_keeps_thrust,
     position_points,
     rest_is_clear,
+    thrust_leaves,
     write_flat,
 )
 
@@ -57,6 +66,7 @@ def spheres_near(rng, path, times, drift, spare):
     return Spheres(centers, np.array([velocity, np.zeros(3)]), np.array([distance / spare, 0.0])), distance
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(SEEDS)
 def test_eq9_flown_is_the_polynomial_of_a_held_snap(seed):
@@ -67,6 +77,7 @@ def test_eq9_flown_is_the_polynomial_of_a_held_snap(seed):
     np.testing.assert_allclose(reached, expected, rtol=1e-13, atol=1e-11)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=100, deadline=None)
 @given(SEEDS)
 def test_flown_twice_is_flown_once(seed):
@@ -125,6 +136,7 @@ def test_a_clear_arc_is_clear_at_every_instant(drift):
     assert accepted > 300  # fewer would not test much
 
 
+@pytest.mark.interpreted
 def test_a_moderate_arc_with_five_millimetres_to_spare_is_clear():
     rng = np.random.default_rng(2)
     tried = 0
@@ -138,6 +150,7 @@ def test_a_moderate_arc_with_five_millimetres_to_spare_is_clear():
             assert arc_is_clear(flat_state(rows), three(snap), start, duration, spheres, FLOOR)
 
 
+@pytest.mark.interpreted
 def test_an_arc_through_a_sphere_between_its_ends_is_not_clear():
     x = flat_state([[-1.0, 0, 0], [10.0, 0, 0], [0, 0, 0], [0, 0, 0]])
     spheres = Spheres(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.05]))
@@ -174,6 +187,7 @@ def test_what_is_not_a_number_is_not_clear(place):
     assert not arc_is_clear(flat_state(rows), three([0, 0, 0]), 0.0, 0.1, spheres, NO_FLOOR)
 
 
+@pytest.mark.interpreted
 def test_clear_at_rest_is_clear_at_every_later_time():
     rng = np.random.default_rng(3)
     later = np.concatenate([np.linspace(0.0, 20.0, 2001), [100.0, 1e4]])
@@ -194,3 +208,108 @@ def test_clear_at_rest_is_clear_at_every_later_time():
         assert is_clear or distance < keep_out + 0.02
         said.append(is_clear)
     assert 20 < sum(said) < 980
+
+
+def random_points(rng):
+    return tuple(three(rng.normal(size=3) + np.array([3.0, 0.0, 0.0])) for _ in range(5))
+
+
+@pytest.mark.interpreted
+def test_a_plane_separates_up_to_the_nearest_of_the_five_points():
+    rng = np.random.default_rng(3)
+    for _ in range(200):
+        points, center, drift = random_points(rng), rng.normal(size=3), rng.normal(size=3) * 0.2
+        n = 1e3 * (np.array([1.0, 0.0, 0.0]) + 0.2 * rng.normal(size=3))
+        gaps = [n @ (p - center - i / 4 * drift) for i, p in enumerate(np.array(points))]
+        least, length = min(gaps) / np.linalg.norm(n), float(np.linalg.norm(n))
+        if least > 0.0:
+            for radius, expected in ((least * (1 - 1e-9), True), (least * (1 + 1e-9), False)):
+                assert is_separated(three(n), length, points, three(center), three(drift), radius) == expected
+    # a normal that is shorter than the radius tells no direction
+    assert not is_separated((0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.6)
+    assert is_separated((0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.5)
+
+
+@pytest.mark.interpreted
+def test_the_nearest_point_of_a_chord_is_that_of_a_dense_search():
+    rng = np.random.default_rng(4)
+    for _ in range(100):
+        start, end = rng.normal(size=(2, 3)) + rng.normal(size=3)
+        path = start + np.linspace(0.0, 1.0, 2001)[:, None] * (end - start)
+        found = np.linalg.norm(nearest_on_chord(three(start), three(end)))
+        assert found == pytest.approx(np.linalg.norm(path, axis=1).min(), abs=1e-5)
+    assert nearest_on_chord((1.0, 2.0, 3.0), (1.0, 2.0, 3.0)) == (1.0, 2.0, 3.0)
+
+
+@pytest.mark.interpreted
+def test_a_piece_is_clear_by_the_plane_of_the_chord_or_by_that_of_its_middle():
+    def line(y, middle=0.0):
+        return tuple((-1.0 + 0.5 * i, y + (middle if i == 2 else 0.0), 0.0) for i in range(5))
+
+    still, origin = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    assert piece_clears(line(1.0), origin, still, 1.0) and not piece_clears(
+        line(1.0), origin, still, 1.0 + 1e-9
+    )
+    # the centre comes 0.5 nearer on the way: seen from it, from (−1, 1.5) to (1, 1)
+    distance = 2.5 / math.sqrt(4.25)
+    assert piece_clears(line(1.5), origin, (0.0, 0.5, 0.0), distance - 1e-9)
+    assert not piece_clears(line(1.5), origin, (0.0, 0.5, 0.0), distance + 1e-9)
+    # a chord that ends beside the centre, points that pass it higher up
+    around = ((-1.0, 1.2, 0.0), (-0.5, 1.2, 0.0), (0.0, 1.3, 0.0), (0.5, 1.2, 0.0), (2.5, 1.05, 0.0))
+    assert piece_clears(around, origin, still, 1.0)
+
+
+@pytest.mark.interpreted
+def test_a_piece_keeps_the_thrust_up_to_its_control_points():
+    rng, band = np.random.default_rng(5), ThrustBand(0.0, math.inf, GRAVITY)
+    for _ in range(200):
+        points = tuple(three(rng.normal(size=3) * 3.0) for _ in range(3))
+        b = np.array(points) + np.array([0.0, 0.0, GRAVITY])
+        length = np.linalg.norm(b, axis=1)
+        least = min(length[1], *(b[[0, 2]] @ b[1] / length[1]))
+        for factor, expected in ((1 - 1e-9, True), (1 + 1e-9, False)):
+            assert piece_keeps_thrust(points, band._replace(least=factor * least)) == expected
+            assert piece_keeps_thrust(points, band._replace(most=length.max() / factor)) == expected
+        size = length[0]
+        assert thrust_leaves(points[0], band._replace(least=size + 1e-9))
+        assert thrust_leaves(points[0], band._replace(most=size - 1e-9))
+        assert not thrust_leaves(points[0], band._replace(least=size - 1e-9, most=size + 1e-9))
+
+
+@pytest.mark.interpreted
+def test_what_a_look_at_pieces_finds():
+    x = flat_state([[0.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [0, 0, 0]])
+
+    def look(center, velocity=(0.0, 0.0, 0.0), keep=1.0, pieces=2, start=0.0, band=FLOOR):
+        spheres = Spheres(*(np.array([part], float) for part in (center, velocity, keep)))
+        return look_at_pieces(x, (0.0, 0.0, 0.0), start, 0.5, pieces, spheres, band)
+
+    assert look((9.0, 0.0, 0.0)) == CLEAR
+    # the end of the second piece, x = 1, is in the sphere, that of the first is not; or a point between them
+    assert look((1.9, 0.0, 0.0)) == HIT and look((1.9, 0.0, 0.0), pieces=1) == CLEAR
+    assert look((0.25, 0.1, 0.0), keep=0.2) == UNSURE
+    # a sphere that has moved on by the time, or arrives
+    assert look((1.5, -5.0, 0.0), (0.0, 5.0, 0.0)) == HIT
+    assert look((1.5, 0.0, 0.0), (0.0, 5.0, 0.0), start=1.0) == CLEAR
+    assert look((9.0, 0.0, 0.0), band=ThrustBand(9.9, math.inf, GRAVITY)) == HIT
+    assert look((0.5, 0.0, 0.0), keep=0.0) == CLEAR
+
+
+@pytest.mark.interpreted
+def test_a_resting_vehicle_is_clear_as_far_as_the_sphere_ever_comes():
+    x = flat_state([[3.0, 4.0, 0], [0.0, 0, 0], [0, 0, 0], [0, 0, 0]])
+    for velocity, start, least in (
+        ((1.0, 0.0, 0.0), 0.0, 4.0),
+        ((0.0, 0.5, 0.0), 0.0, 3.0),
+        ((-2.0, 0.0, 0.0), 0.0, 5.0),
+        ((1.0, 0.0, 0.0), 5.0, math.hypot(2.0, 4.0)),
+        ((0.0, 0.0, 0.0), 7.0, 5.0),
+    ):
+        for keep, expected in ((least - 1e-12, True), (least + 1e-12, False)):
+            assert (
+                rest_is_clear(x, start, Spheres(np.zeros((1, 3)), np.array([velocity]), np.array([keep])))
+                == expected
+            )
+    # they move together
+    moving = x._replace(v=(1.0, 0.0, 0.0))
+    assert rest_is_clear(moving, 0.0, Spheres(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]), np.array([5.0])))

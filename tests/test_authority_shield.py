@@ -81,6 +81,7 @@ def test_with_free_numbers_the_same_attack_leaves_it():
     assert thrust(states).min() < LIMITS.thrust_min < LIMITS.thrust_max < thrust(states).max()
 
 
+@pytest.mark.interpreted
 def test_what_is_within_the_authority_and_can_be_stopped_passes_bit_for_bit():
     flat, wanted = np.zeros((4, 3)), np.array([30.0, -10.0, 20.0])
     flat[1] = [0.5, 0.0, 0.0]
@@ -89,6 +90,7 @@ def test_what_is_within_the_authority_and_can_be_stopped_passes_bit_for_bit():
     assert answer.obstacle == -1 and answer.correction == 0.0
 
 
+@pytest.mark.interpreted
 def test_beyond_the_authority_the_snap_is_shortened_and_no_sphere_is_blamed():
     wanted = np.array([4000.0, 0.0, 0.0])
     answer = Shield(authority=LIMITS).filter(np.zeros((4, 3)), [[0.0, 50.0, 0.0]], [1.0], wanted, PERIOD)
@@ -110,6 +112,7 @@ def test_acceleration_along_is_where_the_ray_leaves_the_band(seed):
     assert not LIMITS.thrust_min <= beyond <= LIMITS.thrust_max
 
 
+@pytest.mark.interpreted
 def test_half_spaces_are_those_of_the_braking_set_along_the_normal():
     rng = np.random.default_rng(3)
     sampling = Sampling(LIMITS.snap_max, -math.expm1(-2 * PERIOD), LIMITS.snap_max, PERIOD, LIMITS)
@@ -156,6 +159,7 @@ def test_a_limit_asks_for_nothing_inside_and_holds_when_flown_against_it(limit):
     assert acted > 100
 
 
+@pytest.mark.interpreted
 def test_a_vehicle_beyond_its_authority_is_brought_back():
     flat = np.zeros((4, 3))
     flat[2], flat[3] = [0.0, 0.0, 14.0], [50.0, 0.0, 0.0]
@@ -187,6 +191,7 @@ def test_where_its_limits_conflict_a_vehicle_brakes(radius):
     assert conflicts > 0
 
 
+@pytest.mark.interpreted
 def test_authority_comes_as_a_mapping_too_and_survives_json():
     shield = Shield(authority=TABLE)
     twin = Shield(**json.loads(json.dumps(shield.settings)))
@@ -194,6 +199,7 @@ def test_authority_comes_as_a_mapping_too_and_survives_json():
     assert shield.settings["snap_max"] is None
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -209,12 +215,14 @@ def test_bad_authorities_are_named(changed, message):
         Shield(**changed)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("value", ["vehicle", 3.0, {"snap_max": 1.0}])
 def test_a_shield_alone_knows_no_vehicle(value):
     with pytest.raises(TypeError, match="authority must be an Authority or a mapping"):
         Shield(authority=value)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("params", ["crazyflie", "hummingbird"])
 def test_the_wrapper_asks_the_vehicle_and_its_spec_keeps_the_word(params):
     env = ShieldWrapper(gymnasium.make("QuadSafe/Avoid-v0", params=params), authority="vehicle")
@@ -224,6 +232,7 @@ def test_the_wrapper_asks_the_vehicle_and_its_spec_keeps_the_word(params):
     assert '"authority": "vehicle"' in env.spec.to_json().replace('\\"', '"')
 
 
+@pytest.mark.interpreted
 def test_another_word_and_a_plant_without_authority_are_errors():
     with pytest.raises(ValueError, match="authority must be 'vehicle'"):
         ShieldWrapper(gymnasium.make("QuadSafe/Avoid-v0"), authority="rotors")

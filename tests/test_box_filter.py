@@ -8,7 +8,7 @@ import pytest
 from shields.box_filter import box_input, side_demand
 from shields.capped import capped3
 from shields.composite import BoxSet
-from shields.integrator import flow, lower_value
+from shields.integrator import flow, lower_value, required_input
 
 inf = math.inf
 GEOFENCE = BoxSet([-1.0, -0.9, -1.0], [0.7, 1.0, 1.0], -1.0, 1.3)
@@ -90,11 +90,13 @@ def test_invariance_under_attack_up_to_the_step_of_the_simulation(box, alpha):
         assert (x >= box.bounds.lower - 3e-3).all() and (x <= box.bounds.upper + 3e-3).all()
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_side_that_is_further_out_decides():
     u, in_set = box_input(SPEED_LIMIT, [[0.0, 0.7], [0.0, -0.7], [0.7, 0.55]], 0.0, 2.0)
     assert not in_set.any() and u[0] <= 0.0 and u[1] >= 0.0 and u[2] == -1.0
 
 
+@pytest.mark.interpreted
 def test_the_mirror_image_gets_the_mirrored_input():
     lower, upper, u_min, u_max = GEOFENCE.bounds
     mirrored, rng = BoxSet(-upper, -lower, -u_max, -u_min), np.random.default_rng(3)
@@ -103,6 +105,7 @@ def test_the_mirror_image_gets_the_mirrored_input():
     assert box_input(mirrored, -x, -wanted, 2.0)[0] == pytest.approx(-u, abs=1e-9)
 
 
+@pytest.mark.interpreted
 def test_shapes():
     u, in_set = box_input(GEOFENCE, np.zeros((4, 5, 3)), 0.1, 2.0)
     assert u.shape == in_set.shape == (4, 5)
@@ -117,6 +120,7 @@ def test_kernels_of_the_continuous_filter():
     assert box_input(ALONE, [1.5], 9.0, 0.5)[0] == 0.25
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -128,3 +132,48 @@ def test_kernels_of_the_continuous_filter():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_with_lower_bounds_alone_it_is_eq33_in_closed_form(order):
+    lower, alpha, rng = [-1.0, -0.8, -0.6][:order], 2.0, np.random.default_rng(2)
+    box = BoxSet(lower, [1e6, inf, inf][:order], -50.0, 1.3)
+    x = rng.normal(size=(300, order)) * 0.5
+    x = x[box.contains(x)]
+    asked = []
+    for i in range(order):
+        value, t_star = lower_value(x[:, : i + 1], 1.3, lower[i])
+        asked.append([required_input(i + 1, t, g, 1.3, alpha) for t, g in zip(t_star, value, strict=True)])
+    least = np.max(asked, axis=0)
+    wanted = rng.uniform(-3.0, 2.0, len(x))
+    u, in_set = box_input(box, x, wanted, alpha)
+    assert in_set.all() and len(x) > 30
+    assert u == pytest.approx(np.clip(np.maximum(wanted, least), -50.0, 1.3), rel=1e-9)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("box", [GEOFENCE, FLAT])
+def test_where_the_demands_conflict_alpha_is_raised_until_one_input_is_left(box):
+    x, found, slow = states_inside(box, np.random.default_rng(3), 200), 0, 0.1
+    for row in x:
+        low, high = slow, 1e6
+        if conflict(box, row, low) <= 1e-9 or conflict(box, row, high) > 0.0:
+            continue
+        for _ in range(60):
+            alpha = 0.5 * (low + high)
+            low, high = (alpha, high) if conflict(box, row, alpha) > 0.0 else (low, alpha)
+        left = side_demand(row, box.bounds.lower, box.bounds.upper[0], box.bounds.u_max, high)[0]
+        for wanted in (-5.0, 5.0):
+            assert box_input(box, row, wanted, slow)[0] == pytest.approx(left, abs=1e-6)
+        found += 1
+    assert found > 10
+
+
+@pytest.mark.interpreted
+def test_a_function_that_no_input_changes_asks_for_nothing_while_it_is_met():
+    # x_1 is at its bound: more of it cannot be had, and x_3 is met with -0.1 turned around in time
+    lower, x = np.array([-9.0, -9.0, 0.0]), np.array([1.0, -0.1, 5.0])
+    assert side_demand(x, lower, 1.0, 2.0, 1.0)[0] == -10.0
+    # of the function of second order, met or not, while x_2 rises nothing is asked either
+    assert side_demand(np.array([0.5, -8.0]), lower[:2], 1.0, 2.0, 1.0)[0] == -9.5

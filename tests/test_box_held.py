@@ -12,7 +12,18 @@ from shields.box_held import ADMITTED, admits, sampled_box_input, sampled_box_va
 from shields.composite import BoxSet
 from shields.dead_beat import braking_shift, fastest_before
 from shields.integrator import flow
-from shields.rest import FALL, RISE, STOP, Box, extremes_of_arc, extremes_to_rest, margin_of, moved3, rest_input
+from shields.rest import (
+    FALL,
+    RISE,
+    STOP,
+    Box,
+    extremes_of_arc,
+    extremes_to_rest,
+    margin_of,
+    moved3,
+    rest_input,
+    run_of_rest,
+)
 
 inf = math.inf
 ALPHA = 2.0
@@ -41,6 +52,7 @@ def kernel_box(box, period):
     return Box(tuple(box.bounds.lower.tolist()), tuple(box.bounds.upper.tolist()), *box.bounds[2:], period)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 50.0), st.floats(0.01, 3.0), st.floats(0.001, 2.0))
 def test_braking_in_whole_periods_shifts_x2_as_counted_one_by_one(q, step, period):
@@ -52,6 +64,7 @@ def test_braking_in_whole_periods_shifts_x2_as_counted_one_by_one(q, step, perio
     assert braking_shift(q, step, period) == pytest.approx(shift, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(st.floats(0.0, 1e3), st.floats(0.01, 3.0), st.floats(0.001, 2.0))
 def test_the_fastest_end_of_a_period_uses_up_the_room(d, step, period):
@@ -59,6 +72,7 @@ def test_the_fastest_end_of_a_period_uses_up_the_room(d, step, period):
     assert 0.5 * period * y + braking_shift(y, step, period) == pytest.approx(d, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("policy", [STOP, RISE, FALL])
 @pytest.mark.parametrize("period", [0.3, 0.05, 0.003])
 def test_policies_come_to_rest_and_skipping_periods_changes_nothing(policy, period):
@@ -80,6 +94,7 @@ def test_policies_come_to_rest_and_skipping_periods_changes_nothing(policy, peri
             assert np.array(skipped) == pytest.approx(np.array(extremes), abs=1e-9)
 
 
+@pytest.mark.interpreted
 def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
     rng = np.random.default_rng(10)
     for k in range(1000):
@@ -96,6 +111,7 @@ def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
             assert np.isfinite(extremes_to_rest(3, policy, x, (x, x), limits)).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("policy", [STOP, RISE, FALL])
 def test_policies_are_continuous(policy):
     rng, limits = np.random.default_rng(3), kernel_box(GEOFENCE, 0.05)
@@ -105,6 +121,7 @@ def test_policies_are_continuous(policy):
         assert abs(both[0] - both[1]) < 1e-9 * 20.0 / 0.05**2
 
 
+@pytest.mark.interpreted
 def test_rise_loses_less_x3_than_stop_and_fall_gains_less():
     limits = kernel_box(GEOFENCE, 0.01)
     x = (0.0, -0.4, 0.0)
@@ -178,6 +195,7 @@ def test_the_value_decays_no_faster_than_alpha_allows(name):
     assert (after >= math.exp(-ALPHA * period) * value - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_an_admitted_input_is_returned_as_it_is():
     x = np.array([0.0, 0.1, 0.0])
     for wanted in (-0.4, 0.0, 0.7):
@@ -214,6 +232,7 @@ def test_the_correction_is_the_least_that_a_dense_search_finds(name):
     assert np.median(excess) <= 1e-6 and np.mean(np.array(excess) <= 1e-6) > 0.98
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_backup_leaves_the_box_least_and_says_so():
     u, in_set = sampled_box_input(GEOFENCE, [0.0, 0.9, 0.95], 1.0, 0.02, ALPHA)
     assert not in_set and u == pytest.approx(-1.0)
@@ -234,6 +253,7 @@ def test_the_mirror_image_gets_the_mirrored_input():
     assert u == pytest.approx(-v, abs=1e-6)
 
 
+@pytest.mark.interpreted
 def test_shapes():
     x = np.zeros((4, 5, 3))
     u, in_set = sampled_box_input(GEOFENCE, x, 0.3, 0.02, ALPHA)
@@ -261,6 +281,7 @@ def test_kernels_of_the_held_box():
     )
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -281,3 +302,98 @@ def test_kernels_of_the_held_box():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("policy", [STOP, RISE, FALL])
+@pytest.mark.parametrize("name", ["geofence", "flat", "only walls"])
+def test_skipped_periods_are_as_many_as_the_input_stays_the_same(name, policy):
+    rng, limits = np.random.default_rng(5), kernel_box(BOXES[name], 0.01)
+    for row in states(BOXES[name], rng, 15):
+        x, runs = tuple(row.tolist()), 0
+        while abs(x[0]) + abs(x[1]) > 1e-9:
+            u, periods = run_of_rest(3, policy, x, limits)
+            assert u == rest_input(3, policy, x, limits) and periods >= 1.0
+            for k in range(int(periods)):
+                held = rest_input(3, policy, moved3(x, u, k * limits.period), limits)
+                assert held == pytest.approx(u, abs=1e-7)
+            x, runs = moved3(x, u, periods * limits.period), runs + 1
+        # a few phases, and between them a few single periods
+        assert runs <= 25
+
+
+@pytest.mark.interpreted
+def test_extremes_of_an_arc_are_those_of_a_dense_search():
+    rng = np.random.default_rng(6)
+    for _ in range(300):
+        x, u = tuple(map(float, rng.normal(size=3))), float(rng.choice([0.0, rng.normal()]))
+        length = float(rng.uniform(0.1, 4.0))
+        path = np.array([moved3(x, u, float(t)) for t in np.linspace(0.0, length, 400)])
+        low, high = extremes_of_arc(x, u, length, (x, x))
+        assert low == pytest.approx(path.min(axis=0), abs=1e-3 * (1.0 + np.abs(path).max()))
+        assert high == pytest.approx(path.max(axis=0), abs=1e-3 * (1.0 + np.abs(path).max()))
+        assert (np.array(low) <= path.min(axis=0) + 1e-12).all() and (high >= path.max(axis=0) - 1e-12).all()
+
+
+@pytest.mark.interpreted
+def test_the_margin_is_that_of_the_last_coordinate_unless_another_bound_is_broken():
+    box = Box((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0), -1.0, 1.0, 0.1)
+    inside = ((-0.5, -1.0, -2.9), (0.5, 1.0, 2.5))
+    assert margin_of(3, inside, box, 1e-12) == pytest.approx(0.1)
+    assert margin_of(2, inside, box, 1e-12) == 1.0 and margin_of(1, inside, box, 1e-12) == 0.5
+    assert margin_of(3, (inside[0], (0.5, 1.0, 2.95)), box, 1e-12) == pytest.approx(0.05)
+    assert margin_of(3, ((-0.5, -1.0, -3.5), inside[1]), box, 1e-12) == -0.5
+    # broken beyond rounding: the least of all; a bound that is just met breaks nothing
+    assert margin_of(3, ((-1.25, -1.0, -2.0), inside[1]), box, 1e-12) == -0.25
+    assert margin_of(3, ((-0.5, -1.0, -3.5), (0.5, 2.125, 2.5)), box, 1e-12) == -0.5
+    assert margin_of(3, ((-0.5, -1.0, -2.0), (0.5, 2.75, 2.5)), box, 1e-12) == -0.75
+    assert margin_of(3, ((-1.0 - 1e-13, -2.0 - 1e-13, -2.0), (1.0, 2.0, 2.5)), box, 1e-12) == 0.5
+    nowhere = ((-inf,) * 3, (inf,) * 3)
+    free = Box((-inf,) * 3, (inf,) * 3, -1.0, 1.0, 0.1)
+    assert margin_of(3, nowhere, box, 1e-12) == margin_of(3, nowhere, free, 1e-12) == -inf
+    assert 1e308 < margin_of(3, inside, free, 1e-12) < inf
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["geofence", "flat", "not maximal"])
+def test_the_answer_is_admitted_and_no_input_a_little_nearer_to_the_desired_one_is(name):
+    box, rng, period = BOXES[name], np.random.default_rng(7), 0.1
+    limits = kernel_box(box, period)
+    x = states(box, rng, 60)
+    wanted, value = rng.uniform(-3.0, 3.0, len(x)), sampled_box_value(box, x, period)
+    u, in_set = sampled_box_input(box, x, wanted, period, ALPHA)
+    assert (in_set == (value >= 0.0)).all()
+    for row, w, answer, v in zip(x[in_set], wanted[in_set], u[in_set], value[in_set], strict=True):
+        state = tuple(row.tolist())
+        near, target = min(max(w, limits.u_min), limits.u_max), math.exp(-ALPHA * period) * v
+        extremes = extremes_of_arc(state, answer, period, (state, state))
+        after = moved3(state, answer, period)
+        best = max(
+            margin_of(3, extremes_to_rest(3, policy, after, extremes, limits), limits, ADMITTED)
+            for policy in (STOP, RISE, FALL)
+        )
+        assert best >= target - 1e-12
+        if abs(near - answer) > 1e-6:
+            assert not admits(3, state, answer + math.copysign(1e-6, near - answer), limits, target)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["geofence", "flat", "only walls"])
+def test_other_units_change_no_digit(name):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    box, rng, period = BOXES[name], np.random.default_rng(8), 0.004
+    length, time = 2.0**40, 2.0**-3
+    units = length / time ** np.array([2.0, 1.0, 0.0])
+    lower, upper, u = box.bounds.lower * units, box.bounds.upper * units, length / time**3
+    scaled = BoxSet(lower, upper, box.bounds.u_min * u, box.bounds.u_max * u)
+    x, wanted = states(box, rng, 10), rng.uniform(-2.0, 2.0, 10)
+    limits, limits_scaled = kernel_box(box, period), kernel_box(scaled, period * time)
+    for row in x:
+        for policy in (STOP, RISE, FALL):
+            start, start_scaled = tuple(row.tolist()), tuple((row * units).tolist())
+            expected = np.array(extremes_to_rest(3, policy, start, (start, start), limits)) * units
+            found = extremes_to_rest(3, policy, start_scaled, (start_scaled, start_scaled), limits_scaled)
+            np.testing.assert_array_equal(found, expected)
+    inputs, in_set = sampled_box_input(box, x, wanted, 0.1, ALPHA)
+    found = sampled_box_input(scaled, x * units, wanted * u, 0.1 * time, ALPHA / time)
+    np.testing.assert_array_equal(found, (inputs * u, in_set))

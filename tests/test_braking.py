@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from linear_program import best_margin
 
 from shields.braking import BrakingSet
-from shields.braking_arcs import BrakingBounds, braking4, braking_phases
+from shields.braking_arcs import (
+    BrakingBounds,
+    braking4,
+    braking_phases,
+    least_of_arc,
+    peak_sensitivity,
+    size_of_terms,
+)
 from shields.integrator import flow, lower_value
 
 inf = math.inf
@@ -130,6 +137,7 @@ def test_it_tends_to_g4_as_the_upper_bounds_grow(x, braking, u_max):
     assert values[-1] == pytest.approx(g4, abs=1e-12 * (1.0 + abs(g4)))
 
 
+@pytest.mark.interpreted
 def test_one_upper_bound_alone():
     x = np.random.default_rng(0).normal(size=(300, 4)) * [0.5, 0.3, 1.0, 1.0]
     for far in (dict(x1_max=inf), dict(x2_max=inf)):
@@ -137,6 +145,7 @@ def test_one_upper_bound_alone():
         assert braking_set(**far).value(x) == pytest.approx(near.value(x), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_the_set_counts_on_less_than_g4_and_a_linear_program_agrees():
     """g_4 alone calls a state safe from which no input that keeps the upper bounds saves x_4."""
     limited, x = braking_set(x1_max=0.5, x2_max=0.4), np.array([0.0, 0.0, -1.0, 1.7])
@@ -160,6 +169,7 @@ def test_the_set_is_convex():
     assert (limits.value(0.5 * (a + b)) >= least - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_more_of_x3_or_x4_is_never_worse():
     limits, x = braking_set(), np.random.default_rng(2).normal(size=(500, 4))
     for i in (2, 3):
@@ -193,6 +203,7 @@ def test_lemma1_the_rate_is_that_of_a_short_step(x, share):
         assert (after - value) / step == pytest.approx(limits.lie_derivative(x, u), abs=tolerance)
 
 
+@pytest.mark.interpreted
 def test_required_input_makes_the_rate_minus_alpha_times_the_value():
     limits, x = braking_set(), random_states(np.random.default_rng(3), 300)
     u, (value, t_star) = limits.required_input(x, 2.0), limits.lower_value(x)
@@ -201,6 +212,7 @@ def test_required_input_makes_the_rate_minus_alpha_times_the_value():
     assert limits.lie_derivative(x[asked], u[asked]) == pytest.approx(-2.0 * value[asked], abs=1e-12)
 
 
+@pytest.mark.interpreted
 def test_lemma2_one_input_is_left_on_the_boundary():
     limits = braking_set(x1_max=1.0, x2_max=0.8, u_min=-1.5, u_max=1.0, lower=0.0)
     on_boundary = np.array(
@@ -231,6 +243,7 @@ def test_the_trajectory_stays_on_the_boundary():
             t += length
 
 
+@pytest.mark.interpreted
 def test_beyond_the_upper_bounds_the_value_is_theirs_or_less():
     limits = braking_set()
     assert limits.value([1.2, -3.0, 5.0, 9.0]) == pytest.approx(-0.2)
@@ -238,6 +251,7 @@ def test_beyond_the_upper_bounds_the_value_is_theirs_or_less():
     assert limits.lower_value([0.6, 0.75, 5.0, 9.0])[0] == 8.7
 
 
+@pytest.mark.interpreted
 def test_rows_and_leading_dimensions():
     limits, x = braking_set(), np.random.default_rng(5).normal(size=(3, 4, 4))
     assert limits.value(x).shape == (3, 4) and np.ndim(limits.value(x[0, 0])) == 0
@@ -259,6 +273,7 @@ def test_kernels_of_the_braking_set():
     assert limits.input_interval(x)[1][3] == 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("build", "message"),
     [
@@ -276,3 +291,62 @@ def test_kernels_of_the_braking_set():
 def test_bad_input_is_named(build, message):
     with pytest.raises(ValueError, match=message):
         build()
+
+
+@pytest.mark.interpreted
+def test_the_sensitivity_is_the_derivative_of_x4_at_a_fixed_time():
+    limits, rng, step, seen = braking_set(), np.random.default_rng(6), 1e-6, set()
+    change = np.array([step, 0.0, 0.0, 0.0])
+    for row in random_states(rng, 60):
+        x = below_the_upper_bounds(row - [0.1, 0.1, 0.0, 0.0], limits.bounds)
+        phases = braking_phases(x[0], x[1], limits.bounds)
+        ends = np.cumsum(phases[1:])
+        for phase, t in enumerate([*(ends - 0.5 * np.array(phases[1:])), ends[-1] + 0.7]):
+            up, down = (x4_at(x + d, limits.bounds, t) for d in (change, -change))
+            assert peak_sensitivity(phases, t) == pytest.approx((up - down) / (2 * step), rel=1e-4, abs=1e-7)
+            seen.add((phase, phases.T2 > 0.0))
+    assert len(seen) == 8
+
+
+@pytest.mark.interpreted
+def test_an_arc_that_never_falls_leaves_the_least_as_it_is():
+    for y, u, length in (
+        ((0.0, 0.0, 0.0, 1.0), 0.0, 3.0),
+        ((1.0, 2.0, 3.0, 1.0), -0.1, 10.0),
+        ((-1.0, -2.0, -3.0, 1.0), 1.0, 0.0),
+    ):
+        assert least_of_arc(y, u, length, 5.0, 1.0, 0.25) == (1.0, 0.25)
+    # by hand: x_4 = 1 - t + t²/2, least 0.5 after a second; a shorter arc ends before
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 3.0, 5.0, 1.0, 0.25) == (0.5, 6.0)
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 0.5, 5.0, 1.0, 0.25) == (0.625, 5.5)
+    assert least_of_arc((0.0, 1.0, -1.0, 1.0), 0.0, 1.0, 5.0, 1.0, 0.25) == (0.5, 6.0)
+    # x_1 turns negative on the way: x_3 = 1 + t/10 - t³/6 is 0 after 1.9 s
+    least, t_star = least_of_arc((0.0, 0.1, 1.0, 1.0), -1.0, 10.0, 0.0, 1.0, 0.0)
+    assert least < -300.0 and t_star == 10.0
+
+
+@pytest.mark.interpreted
+def test_absent_upper_bounds_ask_for_nothing():
+    x = [0.5, -1.0, 1.0, 9.0]
+    for limits in (braking_set(x1_max=inf), braking_set(x2_max=inf), braking_set(x1_max=inf, x2_max=inf)):
+        assert limits.input_interval(x) == (-1.5, 1.0)
+    # the size of the terms, x_2 of 1 m/s² for 2 s, and not above the largest float
+    assert size_of_terms(0.0, 1.0, 0.0, 0.5, 2.0, braking_set().bounds) == pytest.approx(2.0)
+    assert size_of_terms(0.0, 0.0, 0.0, 0.5, inf, braking_set().bounds) <= 1.8e308
+    assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set(lower=30.0).bounds) == 30.0
+    assert size_of_terms(0.0, 0.0, -7.0, 0.5, 2.0, braking_set().bounds) == 14.0
+
+
+@pytest.mark.interpreted
+def test_while_x4_rises_its_rate_is_x3():
+    limits = braking_set()
+    assert limits.lie_derivative([[0.0, 0.0, 0.7, 5.0], [0.1, 0.2, 0.3, 5.0]], -1.0).tolist() == [0.7, 0.3]
+
+
+@pytest.mark.interpreted
+def test_beyond_the_braking_arc_it_brakes_at_once_however_small_x1():
+    bounds = braking_set().bounds
+    for x1 in (1e-3, 0.5, 0.9):
+        x2 = bounds.x2_max - 0.5 * x1 * x1 / 1.5
+        assert braking_phases(x1, x2 + 1e-3, bounds)[1:] == (0.0, 0.0, x1 / 1.5)
+        assert braking_phases(x1, x2 - 1e-3, bounds).T1 > 0.0

@@ -11,6 +11,8 @@ from shields.braking_held import (
     can_brake,
     held_rise,
     held_value,
+    rising_periods,
+    run_of_backup,
     sampled_braking_input,
     sampled_braking_value,
 )
@@ -37,6 +39,7 @@ def states(limits, rng, count, period):
     return x[np.array(keeps)]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("name", SETS)
 @pytest.mark.parametrize("period", [0.3, 0.02])
 def test_the_backup_is_the_greatest_input_after_which_braking_is_possible(name, period):
@@ -82,6 +85,7 @@ def test_the_value_lies_below_g4b_and_tends_to_it_with_the_period(name):
     assert gaps[0] < 0.2 and gaps[1] < 2e-3 and gaps[2] < 2e-5
 
 
+@pytest.mark.interpreted
 def test_with_a_bound_on_x1_alone_the_held_backup_is_the_largest_at_every_instant():
     limits, rng, period = SETS["x_1 alone"], np.random.default_rng(3), 0.1
     for row in states(limits, rng, 50, period):
@@ -93,6 +97,7 @@ def test_with_a_bound_on_x1_alone_the_held_backup_is_the_largest_at_every_instan
             assert (np.array(best) >= np.array(other) - 1e-12).all()
 
 
+@pytest.mark.interpreted
 def test_without_upper_bounds_it_is_the_sampled_filter_of_g4():
     limits, rng = SETS["g_4"], np.random.default_rng(4)
     x = rng.normal(size=(200, 4)) + np.array([0.0, 0.0, 0.0, 1.0])
@@ -134,6 +139,7 @@ def test_all_three_bounds_hold_under_attack_at_every_rate_and_between_samples(na
         x = flow(x, u, period)
 
 
+@pytest.mark.interpreted
 def test_counter_case_the_sampled_filter_of_g4_breaks_the_upper_bounds():
     limits, period = SETS["both bounds"], 0.05
     x, highest = np.array([0.0, 0.0, -1.0, 2.0]), 0.0
@@ -161,12 +167,17 @@ def test_the_value_decays_no_faster_than_alpha_allows_and_the_correction_is_the_
         assert not any(a for a, b in zip(admitted, below, strict=True) if b < answer - 1e-6)
 
 
+@pytest.mark.interpreted
 def test_outside_the_set_the_answer_is_the_backup_and_says_so():
     limits = SETS["both bounds"]
     u, in_set = sampled_braking_input(limits, [[0.0, 0.0, -3.0, 0.1], [0.9, 0.7, 0.0, 5.0]], -1.0, 0.05, ALPHA)
     assert not in_set.any() and u.tolist() == [1.0, -1.5]
+    # also where x_4 has room, but x_2 is too large and falling
+    u, in_set = sampled_braking_input(limits, [-3.0, 0.9, 5.0, 99.0], -1.0, 0.05, ALPHA)
+    assert not in_set and u == 1.0 and sampled_braking_value(limits, [-3.0, 0.9, 5.0, 99.0], 0.05) > 0.0
 
 
+@pytest.mark.interpreted
 def test_shapes():
     limits, x = SETS["both bounds"], np.zeros((2, 3, 4))
     u, in_set = sampled_braking_input(limits, x, 0.0, 0.05, ALPHA)
@@ -187,6 +198,7 @@ def test_kernels_of_the_held_braking_set():
     assert sampled_braking_value(SETS["x_1 alone"], [0.5, -0.1, -0.1, 1.0], 0.1) < 1.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -199,3 +211,83 @@ def test_kernels_of_the_held_braking_set():
 def test_bad_input_is_named(call, message):
     with pytest.raises(ValueError, match=message):
         call(SETS["both bounds"])
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", [name for name in SETS if name != "g_4"])
+@pytest.mark.parametrize("period", [0.3, 0.02])
+def test_skipped_periods_are_as_many_as_the_input_stays_the_same(name, period):
+    limits, rng = SETS[name], np.random.default_rng(7)
+    bounds = limits.bounds
+    for row in states(limits, rng, 40, period):
+        y = tuple(row.tolist())
+        for _ in range(30):
+            u, periods = run_of_backup(y[0], y[1], bounds, period)
+            # within rounding of u_min it is u_min
+            assert u == pytest.approx(held_rise(y[0], y[1], bounds, period), rel=1e-11) and periods >= 1.0
+            if not periods * period < inf or min(y[:3]) >= 0.0:
+                break
+            for k in range(min(int(periods), 60)):
+                x1, x2 = y[0] + k * period * u, y[1] + k * period * (y[0] + 0.5 * k * period * u)
+                assert held_rise(x1, x2, bounds, period) == pytest.approx(u, abs=1e-9)
+            y = moved(y, u, periods * period)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", ["both bounds", "x_2 first", "x_1 first", "x_1 alone", "x_2 alone"])
+def test_it_rises_for_as_many_periods_as_leave_room_to_brake(name):
+    limits, rng, period = SETS[name], np.random.default_rng(8), 0.02
+    bounds = limits.bounds
+    for x1, x2, *_ in states(limits, rng, 60, period):
+        t, expected = 0.0, -1
+        while can_brake(x1 + t * bounds.u_max, x2 + t * (x1 + 0.5 * t * bounds.u_max), bounds, period):
+            t, expected = t + period, expected + 1
+        assert rising_periods(x1, x2, bounds, period) == pytest.approx(
+            expected, abs=1.0 if expected > 500 else 0
+        )
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("period", [0.3, 0.01])
+def test_a_long_fall_at_the_greatest_x2_has_its_value_by_hand(period):
+    # x_2 stays at its bound of 0.8 until x_3 = 0 after 12.5 s: x_4 loses x_3²/(2 x_2).
+    limits = SETS["both bounds"]
+    assert sampled_braking_value(limits, [0.0, 0.8, -10.0, 100.0], period) == pytest.approx(100.0 - 62.5)
+    # On the way to it, 1.25 s to x_2 = 0.8 and back to x_1 = 0, the value does not change.
+    x = np.array([0.0, 0.0, -10.0, 100.0])
+    before = sampled_braking_value(limits, x, period)
+    for _ in range(round(3.0 / period)):
+        x = flow(x, held_rise(x[0], x[1], limits.bounds, period), period)
+    assert x[:2] == pytest.approx([0.0, 0.8], abs=1e-9)
+    assert sampled_braking_value(limits, x, period) == pytest.approx(before, abs=1e-9)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", SETS)
+def test_many_thousand_short_periods_are_counted_on_at_once(name):
+    limits, rng = SETS[name], np.random.default_rng(9)
+    x = states(limits, rng, 40, 1e-5)
+    exact = limits.lower_value(x)[0]
+    # a period's worth of switching
+    assert sampled_braking_value(limits, x, 1e-5) == pytest.approx(
+        exact, abs=1e-4 * (1.0 + np.abs(exact).max())
+    )
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("name", SETS)
+def test_other_units_change_no_digit(name):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    limits, rng, period = SETS[name], np.random.default_rng(10), 0.01
+    length, time = 2.0**30, 2.0**-4
+    units, u = length / time ** np.array([3.0, 2.0, 1.0, 0.0]), length / time**4
+    lower, x1_max, x2_max, *ends = limits.bounds
+    scaled = BrakingSet(lower * length, x1_max * units[0], x2_max * units[1], *(end * u for end in ends))
+    x = states(limits, rng, 20, period)
+    inputs, in_set = sampled_braking_input(limits, x, -0.7, period, ALPHA)
+    found = sampled_braking_input(scaled, x * units, -0.7 * u, period * time, ALPHA / time)
+    np.testing.assert_array_equal(found, (inputs * u, in_set))
+    value = sampled_braking_value(limits, x, period)
+    np.testing.assert_array_equal(sampled_braking_value(scaled, x * units, period * time), value * length)
+    np.testing.assert_array_equal(scaled.value(x * units) >= 0.0, limits.value(x) >= 0.0)
+    np.testing.assert_array_equal(scaled.input_interval(x * units), np.array(limits.input_interval(x)) * u)

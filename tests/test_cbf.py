@@ -56,6 +56,7 @@ def filtered(state, U_des, distance=1.0, bounds=FREE, limits=LIMITS):
     return float(U), float(value)
 
 
+@pytest.mark.interpreted
 def test_eq33_is_met_and_any_smaller_input_violates_it():
     rng = np.random.default_rng(0)
     bound = np.count_nonzero([check_eq33(rng) for _ in range(400)])
@@ -177,6 +178,7 @@ def test_continuous_time_keeps_every_bound_under_attack():
     assert (lowest <= (1.05, -0.75, -0.75, -1.5)).all()
 
 
+@pytest.mark.interpreted
 def test_continuous_time_without_the_filter_hits():
     lowest = attacked(None, 1e-4, steps=15_000)
     assert lowest[0] < 0.0
@@ -195,6 +197,7 @@ def attacked(bounds, dt, steps):
     return lowest
 
 
+@pytest.mark.interpreted
 def test_leading_dimensions_broadcast():
     rng = np.random.default_rng(2)
     state, desired = rng.normal(size=(5, 1, 4)), rng.normal(size=6)
@@ -203,6 +206,7 @@ def test_leading_dimensions_broadcast():
     assert U[3, 2] == filtered(state[3, 0], desired[2], 0.5)[0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

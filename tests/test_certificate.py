@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quadsafe_core.feedback import held_gains
-from shields.arcs import CLEAR, Flat, Spheres, ThrustBand, combined, flat_of, flown
+from shields.arcs import CLEAR, HIT, Flat, Spheres, ThrustBand, combined, flat_of, flown
 from shields.certificate import (
     ACCEPTED,
     ASTRAY,
@@ -22,17 +22,22 @@ from shields.certificate import (
     Distances,
     FlightLimits,
     accept,
+    accept_at_once,
     adopt_stop,
     advance_stop,
     certified_snap,
+    clear_length,
     dead_beat_snap,
     feedback,
+    length_clear_at_once,
     look_at_stored_stop,
+    one_vehicle,
     periods_of,
     reference,
     stop_is_clear,
     write_stop,
 )
+from shields.hull import is_clear_at_once
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
@@ -106,6 +111,7 @@ def assert_clear(states, times, spheres):
     assert thrust.min() >= LIMITS.band.least - 1e-12
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 @pytest.mark.parametrize("h", [0.05, 0.3, 1.5])
 def test_three_dead_beat_segments_end_in_exact_rest(frame, h):
@@ -137,6 +143,7 @@ def test_segments_are_whole_periods_of_about_the_length():
         assert abs(periods_of(choice, 0.001) * 0.001 - length) <= 0.0005 + 1e-12
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
     rng = np.random.default_rng(1)
@@ -160,6 +167,7 @@ def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
         assert later[1:] == (frame, WORLD, WORLD)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", [0.05, 0.01, 0.001])
 def test_tracking_brings_a_perturbed_vehicle_back(period):
     rng = np.random.default_rng(2)
@@ -181,6 +189,7 @@ def test_on_the_reference_tracking_is_the_stored_snap():
     assert feedback(plan, reference(plan, PERIOD), PERIOD, GAINS) == WORLD
 
 
+@pytest.mark.interpreted
 @settings(max_examples=150, deadline=None)
 @given(SEEDS)
 def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
@@ -207,6 +216,7 @@ def test_what_is_accepted_is_clear_for_the_period_the_stop_and_ever_after(seed):
     assert_clear(resting, PERIOD + times[-1] + later, spheres)
 
 
+@pytest.mark.interpreted
 def test_most_slow_flights_in_the_open_are_accepted():
     rng = np.random.default_rng(3)
     for _ in range(100):
@@ -222,6 +232,7 @@ def test_an_accepted_snap_comes_back_with_its_stop():
     np.testing.assert_array_equal(plan["begin"], flown(at(0, 0, 0), wanted, PERIOD))
 
 
+@pytest.mark.interpreted
 def test_a_refused_snap_is_replaced_by_the_stored_stop():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     write_stop(plan, x, WORLD, 4, PERIOD)
@@ -234,6 +245,7 @@ def test_a_refused_snap_is_replaced_by_the_stored_stop():
     assert plan["periods_left"] == plan["periods"] - 1
 
 
+@pytest.mark.interpreted
 def test_a_part_of_a_refused_snap_is_flown_if_that_can_be_certified():
     x = at(0, 0, 0)
     for size in np.geomspace(100.0, 1e6, 60):
@@ -268,6 +280,7 @@ def distances(ahead, stored, bare):
     return Distances(*(spheres_of((WORLD, WORLD, keep_out)) for keep_out in (ahead, stored, bare)))
 
 
+@pytest.mark.interpreted
 def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
@@ -276,6 +289,7 @@ def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
     assert answer == (expected, ASTRAY)
 
 
+@pytest.mark.interpreted
 def test_a_stop_that_is_clear_of_the_spheres_of_now_is_flown():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
@@ -283,6 +297,7 @@ def test_a_stop_that_is_clear_of_the_spheres_of_now_is_flown():
     assert answer == (expected, STOPPED)
 
 
+@pytest.mark.interpreted
 def test_a_stop_that_hits_a_sphere_of_now_or_cannot_be_reached_is_forgotten():
     for plan, x, bare in ((*strayed(), 0.65), (strayed()[0], at(0.9, 0, 0), 0.59)):
         answer = certified_snap(plan, x, WORLD, False, PERIOD, distances(1.0, bare, bare), LIMITS, GAINS)
@@ -290,6 +305,7 @@ def test_a_stop_that_hits_a_sphere_of_now_or_cannot_be_reached_is_forgotten():
         assert not plan["is_stored"]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
     rng, checked = np.random.default_rng(4), 0
@@ -307,6 +323,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
     assert checked > 50
 
 
+@pytest.mark.interpreted
 def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     snap, kind = certified_snap(plan, x, WORLD, False, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
@@ -316,6 +333,7 @@ def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     assert stop_is_clear(x, 0.0, WORLD, h, FAR_AWAY, LIMITS)
 
 
+@pytest.mark.interpreted
 def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     # A sphere comes up behind: at rest in the world it would hit, ahead of it at its speed it does not.
     chaser = spheres_of(((-1.5, 0, 0), (1.0, 0, 0), 0.5))
@@ -326,6 +344,7 @@ def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     assert_clear(states, times, chaser)
 
 
+@pytest.mark.interpreted
 def test_an_absent_sphere_lends_no_frame():
     absent = spheres_of((WORLD, (1.0, 0, 0), 0.0))
     plan = empty_plan()
@@ -333,6 +352,7 @@ def test_an_absent_sphere_lends_no_frame():
     np.testing.assert_array_equal(plan["frame"], WORLD)
 
 
+@pytest.mark.interpreted
 def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
     # A stop whose end lies before a sphere, or in it. No new stop can begin: it would have to keep 50 m.
     x = flat_state([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), WORLD, (0.0, 0.0, 40.0)])
@@ -352,3 +372,104 @@ def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
     unsure = Distances(*(spheres_of((*sphere, keep)) for keep in (50.0, 0.6, 0.54)))
     snap, kind = certified_snap(plan.copy(), x, WORLD, False, PERIOD, unsure, LIMITS, GAINS)
     assert kind == ASTRAY and snap == tracking_snap(plan, x, PERIOD, GAINS)
+
+
+def crowd(rng, reach=2.0):
+    """Three spheres, some of them near, some moving."""
+    return spheres_of(
+        *(
+            (rng.normal(size=3) * reach, rng.normal(size=3) * rng.integers(2), rng.uniform(0.2, 1.0))
+            for _ in range(3)
+        )
+    )
+
+
+@pytest.mark.interpreted
+def test_the_length_is_the_one_asked_for_or_else_the_shortest_that_is_clear():
+    rng, seen = np.random.default_rng(6), set()
+    for _ in range(60):
+        x, spheres, first = some_state(rng), crowd(rng), int(rng.integers(len(LENGTHS)))
+        lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
+        clear = [k for k, h in enumerate(lengths) if stop_is_clear(x, 0.0, WORLD, h, spheres, LIMITS)]
+        expected = first if first in clear else min(clear, default=-1)
+        assert clear_length(x, 0.0, WORLD, first, PERIOD, spheres, LIMITS) == expected
+        seen.add((expected == first, expected < 0))
+    assert len(seen) == 3
+
+
+@pytest.mark.interpreted
+def test_the_quick_length_is_the_one_asked_for_or_else_the_shortest_that_is_clear_at_once():
+    rng, seen = np.random.default_rng(7), set()
+    for _ in range(60):
+        x, spheres, first = some_state(rng), crowd(rng, 1.0), int(rng.integers(len(LENGTHS)))
+        snap = three(rng.normal(size=3) * 20)
+        after, rows = flown(x, snap, PERIOD), one_vehicle(spheres)
+        lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
+        clear = [
+            k
+            for k, h in enumerate(lengths)
+            if is_clear_at_once(0, x, snap, after, h, PERIOD, *rows, 1.0, LIMITS)
+        ]
+        expected = first if first in clear else min(clear, default=-1)
+        assert length_clear_at_once(first, x, snap, after, PERIOD, spheres, LIMITS) == expected
+        plan = empty_plan()
+        plan["choice"] = first
+        assert accept_at_once(0, plan, x, snap, PERIOD, *rows, 1.0, LIMITS) == (first in clear)
+        assert plan["is_stored"] == (first in clear)
+        seen.add((expected == first, expected < 0))
+    assert len(seen) == 3
+
+
+@pytest.mark.interpreted
+def test_a_snap_of_the_greatest_length_is_accepted_and_no_longer_one():
+    for size, expected in ((5.0, True), (5.0 - 1e-9, False)):
+        limits = LIMITS._replace(snap_max=size)
+        assert accept(empty_plan(), at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, FAR_AWAY, limits) == expected
+        rows = one_vehicle(FAR_AWAY)
+        plan = empty_plan()
+        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, *rows, 1.0, limits) == expected
+
+
+@pytest.mark.interpreted
+def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
+    # Past the edge of a sphere: one plane is not enough, several pieces are.
+    x = flat_state([(-0.6, 1.2, 1.1), (0.5, -0.3, 0.4), (-0.5, -1.4, -1.8), (0.5, 2.8, 4.1)])
+    spheres, snap = spheres_of(((-0.7, 0.8, 0.8), WORLD, 0.5)), (0.0, 0.0, 20.0)
+    after = flown(x, snap, PERIOD)
+    assert length_clear_at_once(0, x, snap, after, PERIOD, spheres, LIMITS) == -1
+    plan = empty_plan()
+    assert accept(plan, x, snap, PERIOD, spheres, LIMITS)
+    np.testing.assert_array_equal(plan["begin"], after)
+    jerks, y, h = [after.j], after, int(plan["periods"]) * PERIOD
+    for _ in range(SEGMENTS):
+        y = flown(y, dead_beat_snap(y, WORLD, h), h)
+        jerks.append(y.j)
+    most = max(np.linalg.norm(j) for j in jerks)
+    assert accept(empty_plan(), x, snap, PERIOD, spheres, LIMITS._replace(jerk_max=1.01 * most))
+    assert not accept(
+        empty_plan(), x, snap, PERIOD, spheres, LIMITS._replace(jerk_max=0.99 * np.linalg.norm(after.j))
+    )
+
+
+@pytest.mark.interpreted
+def test_a_stop_is_hit_by_a_sphere_that_comes_by_long_after_it():
+    plan = empty_plan()
+    write_stop(plan, at(0, 0, 0), WORLD, 0, PERIOD)
+    for velocity, expected in (((-1.0, 0.0, 0.0), HIT), ((1.0, 0.0, 0.0), CLEAR)):
+        assert look_at_stored_stop(plan, PERIOD, spheres_of(((90.0, 0.3, 0.0), velocity, 0.5))) == expected
+    # also of a stop that is over
+    for _ in range(20):
+        advance_stop(plan, PERIOD)
+    assert plan["segments_left"] == 0
+    assert look_at_stored_stop(plan, PERIOD, spheres_of(((90.0, 0.3, 0.0), (-1.0, 0.0, 0.0), 0.5))) == HIT
+
+
+@pytest.mark.interpreted
+def test_every_sphere_of_the_stored_stop_is_looked_at_from_the_start_of_its_segment():
+    x, plan = flat_state([WORLD, (2.0, 0.0, 0.0), WORLD, WORLD]), empty_plan()
+    write_stop(plan, x, WORLD, 6, PERIOD)
+    advance_stop(plan, PERIOD)
+    # A period ago a sphere that moves across was still beside the start, at 0.05 · 10 m.
+    crossing = spheres_of(((0.0, 0.9, 0.0), (0.0, 10.0, 0.0), 0.5))
+    assert look_at_stored_stop(plan, PERIOD, crossing) != CLEAR
+    assert look_at_stored_stop(plan, PERIOD, spheres_of(((0.0, 1.1, 0.0), (0.0, 10.0, 0.0), 0.5))) == CLEAR

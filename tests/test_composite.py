@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from shields.capped import capped3
 from shields.composite import BoxSet, LowerSet
 from shields.integrator import flow, lower_value, upper_value
 
@@ -24,6 +25,7 @@ def random_members(sets, n, rng, count):
     return boundary[:, inside < 0.999]
 
 
+@pytest.mark.interpreted
 def test_eq25_is_the_least_of_the_single_values():
     rng = np.random.default_rng(0)
     lower = [-2.0, -1.0, -0.5, 0.3]
@@ -33,6 +35,7 @@ def test_eq25_is_the_least_of_the_single_values():
     assert LowerSet(lower, 2.0).value(x[1, 2]) == np.min(singles, axis=0)[1, 2]
 
 
+@pytest.mark.interpreted
 def test_absent_bounds_do_not_count():
     x = np.random.default_rng(1).normal(size=(50, 4))
     only_last = LowerSet([ABSENT, ABSENT, ABSENT, 0.3], 2.0)
@@ -76,6 +79,7 @@ def test_prop4_maximality_u_max_succeeds_just_inside_and_fails_just_outside(lowe
     assert (margin < 0.0).all()
 
 
+@pytest.mark.interpreted
 def test_lemma2_the_set_asks_for_an_input_only_on_its_boundary():
     sets = LowerSet([-3.0, ABSENT, ABSENT, 0.0], 2.0)
     on_last = np.array([-1.0, 0.5, -2.0, 0.0])
@@ -143,6 +147,7 @@ def test_eq24_example1_no_boundary_state_asks_for_two_inputs_at_once():
     assert {-math.inf, 0.0, 2.0} == set(least) and {-1.0, 0.0, math.inf} == set(greatest)
 
 
+@pytest.mark.interpreted
 def test_eq24_counter_case_a_box_that_is_not_maximal_has_a_conflict():
     lower, upper = [-2.0, -1.0], [-1.0, 1.0]
     assert not BoxSet(lower, upper, -1.0, 1.0).is_maximal()
@@ -151,6 +156,7 @@ def test_eq24_counter_case_a_box_that_is_not_maximal_has_a_conflict():
     assert inputs_on_the_boundary(lower, upper, -1.0, 1.0, x) == (1.0, 0.0)
 
 
+@pytest.mark.interpreted
 def test_eq24_corners_belong_to_the_box_where_no_input_is_needed():
     box = BoxSet([-1.0, -2.0], [1.5, 2.0], -1.0, 2.0)
     assert box.contains([[1.5, -2.0], [-1.0, 2.0], [0.0, 2.0], [0.0, -2.0]]).all()
@@ -159,6 +165,7 @@ def test_eq24_corners_belong_to_the_box_where_no_input_is_needed():
     assert (BoxSet([-1.0], [2.0], -1.0, 1.0).value([[-1.5], [0.0], [2.0]]) == [-0.5, 1.0, 0.0]).all()
 
 
+@pytest.mark.interpreted
 def test_example1_maximal_needs_zero_input_at_the_corners():
     assert BoxSet([3.0], [4.0], -1.0, 1.0).is_maximal()
     assert BoxSet([-1.0, -1.0], [1.0, 1.0], -1.0, 1.0).is_maximal()
@@ -170,6 +177,7 @@ def test_example1_maximal_needs_zero_input_at_the_corners():
     assert BoxSet([-2.0, -math.inf], [-1.0, 1.0], -1.0, 1.0).is_maximal()
 
 
+@pytest.mark.interpreted
 def test_the_box_is_its_own_mirror_image():
     x = np.random.default_rng(7).normal(size=(100, 2))
     box, mirrored = BoxSet([-1.0, -0.5], [1.5, 0.7], -1.0, 2.0), BoxSet([-1.5, -0.7], [1.0, 0.5], -2.0, 1.0)
@@ -186,6 +194,7 @@ def test_kernels_of_the_composition():
     assert sets.required_input(x).tolist() == [ABSENT, 2.0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("build", "message"),
     [
@@ -210,6 +219,52 @@ def test_bad_input_is_named(build, message):
         build()
 
 
+@pytest.mark.interpreted
 def test_a_bad_input_bound_of_the_wrong_type_is_named():
     with pytest.raises(TypeError, match="u_max must be a number"):
         LowerSet([0.0], [1.0, 2.0])  # type: ignore[arg-type]
+
+
+@pytest.mark.interpreted
+def test_at_rest_on_a_bound_zero_is_asked_for_and_where_it_moves_in_nothing():
+    sets = LowerSet([-1.0, -1.0, 0.0], 2.0)
+    assert sets.required_input([0.0, 0.0, 0.0]) == 0.0
+    assert sets.required_input([0.0, 0.5, 0.0]) == ABSENT
+    assert sets.required_input([-1.0, 5.0, 5.0]) == 0.0
+    assert sets.input_interval([0.0, 0.0, 0.0]) == (0.0, 2.0)
+    on_x2 = [0.0, -1.0, 9.0]
+    assert LowerSet([-9.0, -1.0, -9.0], 2.0).required_input(on_x2) == 0.0
+    # of third order, with t_star > 0: x_2 = -1, x_3 = 1/... falls by 0.47 while u_max turns it around
+    x = np.array([0.0, -1.0, 0.0])
+    x[2] = -lower_value(x, 2.0, 0.0)[0]
+    assert LowerSet([-9.0, -9.0, 0.0], 2.0).required_input(x) == 2.0
+
+
+@pytest.mark.interpreted
+def test_eq28_on_its_boundary_the_box_leaves_the_input_of_the_capped_trajectory():
+    box = BoxSet([-1.0, -9.0, 0.0], [1.0, 9.0, 9.0], -1.0, 2.0)
+    for x1, expected in ((0.0, (2.0, 2.0)), (1.0, (0.0, 0.0))):
+        # x_2 = -2 cannot be turned before x_1 = 1 is reached
+        x = np.array([x1, -2.0, 5.0])
+        x[2] -= box.value(x) if box.value(x) < 1.0 else 0.0
+        x[2] = 5.0 - capped3(x1, -2.0, 5.0, 2.0, 1.0, 0.0)[0]
+        assert box.value(x) == pytest.approx(0.0, abs=1e-12) and box.contains(x)
+        assert box.input_interval(x) == expected
+    assert box.input_interval([0.0, -0.1, 4.0]) == (-1.0, 2.0)
+    assert box.input_interval([0.0, 0.0, 0.0]) == (0.0, 2.0)
+
+
+@pytest.mark.interpreted
+def test_a_hundred_bounds_are_enough():
+    assert LowerSet([*[ABSENT] * 99, 0.0], 1.0).contains([*np.zeros(99), 1.0])
+    with pytest.raises(ValueError, match="100"):
+        LowerSet([*[ABSENT] * 100, 0.0], 1.0)
+
+
+@pytest.mark.interpreted
+def test_five_bounds_and_more_are_those_of_the_single_values():
+    x = np.random.default_rng(9).normal(size=(20, 6)) + np.array([0.0, 0.0, 0.0, 1.0, 2.0, 3.0])
+    for order in (5, 6):
+        singles = [lower_value(x[:, : i + 1], 2.0, -1.0 - i)[0] for i in range(order)]
+        found = LowerSet([-1.0 - i for i in range(order)], 2.0).value(x[:, :order])
+        assert found == pytest.approx(np.min(singles, axis=0), rel=1e-12)

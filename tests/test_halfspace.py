@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from quadsafe_core.authority import Authority
 from shields.arcs import Flat, flown
 from shields.halfspace import (
+    Demand,
     Sampling,
     better,
     closest_approach,
@@ -17,7 +19,10 @@ from shields.halfspace import (
     distance_demand,
     excess,
 )
+from shields.integrator import lower_value
 from shields.radial import line_of_sight
+from shields.sampled import sampled_input
+from shields.within import limit_demand
 
 U_MAX, ALPHA, DISTANCE = 200.0, 2.0, 0.5
 PERIODS = [0.05, 0.01, 0.001]
@@ -61,6 +66,7 @@ def test_the_chosen_direction_costs_no_more_than_the_line_of_sight(seed, period)
     assert np.linalg.norm(chosen.n) == pytest.approx(1.0, abs=1e-14)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_last_normal_stays_admissible_when_its_demand_was_flown(period):
     rng = np.random.default_rng(0)
@@ -81,6 +87,7 @@ def test_the_last_normal_stays_admissible_when_its_demand_was_flown(period):
     assert kept > 500
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_distance_along_the_normal_is_kept_between_samples_too(period):
     rng = np.random.default_rng(1)
@@ -122,6 +129,14 @@ def test_a_passing_flight_takes_the_direction_of_closest_approach():
 
 
 @pytest.mark.interpreted
+def test_a_slow_flight_has_its_closest_approach_ahead_too():
+    x = Flat((0.3, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
+    assert closest_approach(x) == pytest.approx((0.0, 0.4, 0.0))
+    far = Flat((3.0, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
+    assert closest_approach(far) == pytest.approx((2.6, 0.4, 0.0))  # after 2 s
+
+
+@pytest.mark.interpreted
 def test_at_rest_and_behind_the_closest_approach_is_now():
     rest = Flat((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert closest_approach(rest) == rest.r
@@ -153,6 +168,7 @@ def test_no_closing_bounds_ask_for_nothing():
     assert excess(demand, wanted) == 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_a_closing_bound_holds_between_samples_too(order):
     rng = np.random.default_rng(4)
@@ -169,3 +185,64 @@ def test_a_closing_bound_holds_between_samples_too(order):
                 for t in np.linspace(0.0, period, 6):
                     row = flown(x, snap, float(t))[order + 1]
                     assert np.dot(n, row) >= -4.0 - 1e-9
+
+
+@pytest.mark.interpreted
+def test_each_closing_bound_is_the_sampled_filter_of_its_order():
+    rng, period = np.random.default_rng(5), 0.05
+    sampling = sampling_at(period)
+    for _ in range(40):
+        x, n = Flat(*(three(row) for row in rng.normal(size=(4, 3)))), unit(rng)
+        wanted = three(rng.normal(size=3) * 1000)
+        chain = np.array([np.dot(n, x.j), np.dot(n, x.a), np.dot(n, x.v)])
+        asked, values, inside = [], [], []
+        for i, bound in enumerate((-2.0, -3.0, -4.0)):
+            bounds = [-math.inf] * 3
+            bounds[i] = bound
+            demand = closing_along(n, x, wanted, tuple(bounds), sampling)
+            state, u = chain[: 3 - i], np.dot(n, wanted)
+            least, in_set = sampled_input(state, u, period, U_MAX, bound, ALPHA, 3.0)
+            assert demand.least == pytest.approx(least, rel=1e-9) and demand.is_admissible == in_set
+            assert demand.value == pytest.approx(lower_value(state, U_MAX, bound)[0], rel=1e-9)
+            asked.append(demand.least)
+            values.append(demand.value)
+            inside.append(demand.is_admissible)
+        whole = closing_along(n, x, wanted, (-2.0, -3.0, -4.0), sampling)
+        assert whole == (n, max(asked), min(values), all(inside))
+
+
+@pytest.mark.interpreted
+def test_in_free_fall_the_thrust_has_no_direction_and_asks_for_nothing():
+    authority = Authority(380.0, 44.0, 5.0, 20.0, 9.81)
+    x = Flat(NO_NORMAL, NO_NORMAL, (0.0, 0.0, -9.81), (1.0, 2.0, 3.0))
+    for limit in (1, 2):
+        demand = limit_demand(limit, x, (0.0, 0.0, -300.0), sampling_at(0.02), authority)
+        assert excess(demand, (0.0, 0.0, -300.0)) == 0.0 and demand.is_admissible
+
+
+@pytest.mark.interpreted
+def test_the_jerk_plane_touches_the_ball_where_the_jerk_leaves_it():
+    authority, sampling = Authority(380.0, 44.0, 5.0, 20.0, 9.81), sampling_at(0.1)
+    x = Flat(NO_NORMAL, NO_NORMAL, NO_NORMAL, (30.0, 0.0, 0.0))
+    # (30 + 0.1·300, 80)/100: the plane leaves n·(j + Δu) = −44
+    demand = limit_demand(0, x, (300.0, 800.0, 0.0), sampling, authority)
+    assert demand.n == pytest.approx((-0.6, -0.8, 0.0)) and demand.value == pytest.approx(44.0 - 100.0)
+    assert demand.least == pytest.approx((-44.0 + 18.0) / 0.1) and demand.is_admissible
+    inside = limit_demand(0, x, (140.0, 0.0, 0.0), sampling, authority)
+    assert excess(inside, (140.0, 0.0, 0.0)) == 0.0 and inside.is_admissible
+    # a jerk so far out that the greatest snap does not bring it back in a period
+    far = limit_demand(0, x._replace(j=(90.0, 0.0, 0.0)), NO_NORMAL, sampling, authority)
+    assert far.least == 380.0 and not far.is_admissible
+
+
+@pytest.mark.interpreted
+def test_membership_comes_first_then_the_correction_or_outside_the_value():
+    n, wanted = (1.0, 0.0, 0.0), (5.0, 0.0, 0.0)
+    little, much = Demand(n, 6.0, 0.5, True), Demand(n, 9.0, 3.0, True)
+    near, far = Demand(n, 2.0, -0.1, False), Demand(n, 1.0, -0.5, False)
+    for best, other in ((little, much), (much, near), (little, far), (near, far)):
+        assert better(best, other, wanted) == better(other, best, wanted) == best
+    # none asks for a correction: the first stays
+    free = Demand(n, 4.0, 9.0, True), Demand(n, 3.0, 1.0, True)
+    assert better(*free, wanted) == free[0] and better(*free[::-1], wanted) == free[1]
+    assert excess(little, wanted) == 1.0 and excess(free[0], wanted) == 0.0

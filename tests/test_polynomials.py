@@ -53,6 +53,7 @@ def random_coefficients(rng, degree, exponent):
     return tuple(map(float, c))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("exponent", [1, 7, 60, 150])
 @pytest.mark.parametrize("degree", [2, 3, 4])
 def test_every_root_has_a_residual_of_rounding(degree, exponent):
@@ -63,6 +64,7 @@ def test_every_root_has_a_residual_of_rounding(degree, exponent):
             assert abs(t) == LARGEST or t == 0.0 or residual(c, t) < ROUNDING, c
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("spread", [1.0, 1e3, 1e7, 1e40])
 @pytest.mark.parametrize("degree", [2, 3, 4])
 def test_no_real_root_is_lost_however_far_the_roots_are_apart(degree, spread):
@@ -132,6 +134,7 @@ def test_integer_roots_times_any_factor(roots, exponent):
         assert all(min(abs(t - root) for root in roots) < 1e-2 for t in found)
 
 
+@pytest.mark.interpreted
 def test_roots_of_any_degree_climb_from_those_of_the_derivative():
     roots = [-3.0, 0.5, 1.0, 4.0, 9.0, 40.0]
     p = np.array(product(roots))
@@ -142,6 +145,7 @@ def test_roots_of_any_degree_climb_from_those_of_the_derivative():
     assert found[:count] == pytest.approx(roots[1:], rel=1e-13)
 
 
+@pytest.mark.interpreted
 def test_a_root_beyond_the_range_of_floats_is_the_largest_float():
     assert quadratic_roots(1e-200, -1e200, 1.0)[1] == LARGEST
     assert cubic_roots(1e-200, -1e200, 1.0, 1.0)[2] == LARGEST

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
-from shields.projection import project, project_onto_halfspaces
+from shields.projection import _exchanged, _nearest, _nearest_on_line, project, project_onto_halfspaces
 
 # The projection is exact to rounding; 1e-9 leaves room for the oracles and for conditioning up to 1e5.
 EXACT = 1e-9
@@ -52,6 +52,7 @@ def by_least_distance_programming(desired, normals, offsets):
     return desired + np.linalg.pinv(normals[active]) @ gaps[active] if active.any() else desired
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", range(1, 9))
 def test_equals_enumeration_of_active_planes(count):
     rng = np.random.default_rng(count)
@@ -63,6 +64,7 @@ def test_equals_enumeration_of_active_planes(count):
         np.testing.assert_allclose(projected, expected, rtol=0, atol=EXACT * max(1, np.abs(desired).max()))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [10, 20, 40, 64])
 def test_equals_least_distance_programming(count):
     rng = np.random.default_rng(count)
@@ -74,6 +76,7 @@ def test_equals_least_distance_programming(count):
         np.testing.assert_allclose(projected, expected, rtol=0, atol=EXACT * max(1, np.abs(desired).max()))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [2, 4, 6, 12])
 def test_infeasible_sets_are_told_from_feasible_ones(count):
     rng = np.random.default_rng(count)
@@ -89,11 +92,13 @@ def test_infeasible_sets_are_told_from_feasible_ones(count):
     assert found == {True, False}
 
 
+@pytest.mark.interpreted
 def test_infeasible_answers_nan():
     projected, feasible = project_onto_halfspaces([0.0, 0, 0], [[1.0, 0, 0], [-1, 0, 0]], [1.0, 1.0])
     assert not feasible and np.isnan(projected).all()
 
 
+@pytest.mark.interpreted
 @settings(max_examples=200, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 64))
 def test_karush_kuhn_tucker(seed, count):
@@ -110,6 +115,7 @@ def test_karush_kuhn_tucker(seed, count):
     assert residual <= EXACT * size
 
 
+@pytest.mark.interpreted
 @settings(max_examples=100, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 20))
 def test_symmetries(seed, count):
@@ -161,6 +167,7 @@ def test_absent_half_spaces_change_nothing():
     assert feasible and projected.tolist() == [1.0, 1.0, 0.0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("angle", [0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3])
 def test_nearly_equal_half_spaces(angle):
     normals = unit(np.array([[1.0, 0, 0], [1, angle, 0], [1, 0, angle], [1, -angle, angle], [1, 0, 0]]))
@@ -171,6 +178,7 @@ def test_nearly_equal_half_spaces(angle):
         assert np.abs(projected - [1.0, 0.1, 0.2]).max() <= 10 * angle + 1e-13
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("thickness", [1e-3, 1e-9, 1e-12, 0.0])
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e5])
 def test_thin_slabs_are_feasible(thickness, size):
@@ -193,6 +201,7 @@ def test_overlapping_slabs_are_infeasible(overlap):
         assert not project_onto_halfspaces(rng.normal(size=3), normals, [1.0, -9.0, -1.0 + overlap])[1]
 
 
+@pytest.mark.interpreted
 def test_triangular_prism_that_just_closes():
     angles = np.array([0.3, 0.3 + 2 * np.pi / 3, 0.3 + 4 * np.pi / 3])
     normals = (
@@ -204,6 +213,7 @@ def test_triangular_prism_that_just_closes():
         assert project_onto_halfspaces(desired, unit(normals), np.full(3, inset))[1] == expected
 
 
+@pytest.mark.interpreted
 def test_many_planes_through_one_vertex():
     rng = np.random.default_rng(3)
     for _ in range(200):
@@ -230,6 +240,7 @@ def test_half_spaces_that_meet_in_a_single_point():
         np.testing.assert_allclose(projected, vertex, rtol=0, atol=1e-11 * condition)
 
 
+@pytest.mark.interpreted
 def test_a_far_desired_point_costs_no_digits():
     rng = np.random.default_rng(5)
     for _ in range(100):
@@ -240,6 +251,7 @@ def test_a_far_desired_point_costs_no_digits():
         assert np.max(offsets - normals @ point) <= 1e-13 * (1 + np.abs(point).max())
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("count", [16, 64])
 def test_adversarial_order_is_still_exact(count):
     turn = np.linspace(0.0, 1.5, count)
@@ -262,6 +274,7 @@ def test_leading_dimensions_broadcast():
     assert is_feasible and np.array_equal(row, projected[2, 3])
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -276,3 +289,71 @@ def test_leading_dimensions_broadcast():
 def test_bad_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         project_onto_halfspaces(*arguments)
+
+
+@pytest.mark.interpreted
+def test_on_a_line_each_plane_ahead_behind_and_beside_it_counts():
+    foot, along = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+
+    def nearest(*planes):
+        normals, offsets = (np.array(part, float) for part in zip(*planes, strict=True))
+        return _nearest_on_line(foot, along, 1.0, normals, offsets, len(offsets))
+
+    up, down, side = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    assert nearest((up, 2.0)) == ((0.0, 0.0, 2.0), True)
+    assert nearest((down, 3.0)) == ((0.0, 0.0, -3.0), True)
+    assert nearest((up, -1.0), (down, -4.0)) == (foot, True)
+    assert nearest((up, 2.0), (up, 1.0), (down, -4.0)) == ((0.0, 0.0, 2.0), True)
+    assert not nearest((up, 2.0), (down, -1.0))[1]
+    assert nearest((up, 2.0), (down, -2.0)) == ((0.0, 0.0, 2.0), True)
+    # a plane along the line: it is on the right side of it, or nowhere
+    assert nearest((side, -1.0), (up, 2.0)) == ((0.0, 0.0, 2.0), True)
+    assert not nearest((side, 1.0), (up, 2.0))[1]
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("seed", range(4))
+def test_plane_by_plane_it_is_the_exchange_of_planes(seed):
+    rng = np.random.default_rng(seed)
+    for count in (1, 2, 3, 5, 9, 20):
+        for _ in range(15):
+            desired, normals, offsets = random_problem(rng, count)
+            point, is_feasible = _nearest(tuple(desired), normals, offsets, count)
+            *expected, expected_feasible = project(tuple(desired), normals, offsets, count)
+            assert is_feasible == expected_feasible
+            if is_feasible:
+                np.testing.assert_allclose(point, expected, atol=EXACT * (1.0 + np.abs(desired).max()))
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("count", [2, 5, 12])
+def test_other_units_change_no_digit(count):
+    rng, unit_of_length = np.random.default_rng(count), 2.0**50
+    for _ in range(100):
+        desired, normals, offsets = random_problem(rng, count)
+        point, feasible = project_onto_halfspaces(desired, normals, offsets)
+        found = project_onto_halfspaces(desired * unit_of_length, normals, offsets * unit_of_length)
+        np.testing.assert_array_equal(found[0], point * unit_of_length)
+        assert found[1] == feasible
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_planes_are_exchanged_in_closed_form(count):
+    """From the answer for the planes before it to that with one more, for planes at wide angles."""
+    rng, none, found, left = np.random.default_rng(count), ((0.0, 0.0, 0.0), 0.0), 0, set()
+    for _ in range(400):
+        normals, gaps = unit(rng.normal(size=(count, 3))), rng.exponential(size=count)
+        before = by_enumeration(np.zeros(3), normals[:-1], gaps[:-1])
+        on_all = np.allclose(normals[:-1] @ before, gaps[:-1])
+        if not on_all or normals[-1] @ before > gaps[-1] or abs(np.linalg.det(normals @ normals.T)) < 0.05:
+            continue  # an answer on every plane before, which the last one cuts off
+        planes = [(tuple(map(float, n)), float(gap)) for n, gap in zip(normals, gaps, strict=True)]
+        *old, last = planes
+        correction, first, second, is_plain = _exchanged(*[*old, none, none][:2], last)
+        np.testing.assert_allclose(correction, by_enumeration(np.zeros(3), normals, gaps), atol=1e-9)
+        kept = [plane for plane in (first, second) if plane[1] != 0.0]
+        assert is_plain and all(plane in planes for plane in kept)
+        found += 1
+        left.add(len(kept))
+    assert found > 20 and len(left) == min(count, 2)

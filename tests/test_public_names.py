@@ -8,6 +8,7 @@ import pytest
 import shields
 
 
+@pytest.mark.interpreted
 def test_every_public_name_is_there():
     for name in shields.__all__:
         assert getattr(shields, name).__name__ == name

@@ -56,6 +56,7 @@ def path(flat, snap, t):
     return [sum(row[axis] * t**k / math.factorial(k) for k, row in enumerate(rows)) for axis in range(3)]
 
 
+@pytest.mark.interpreted
 def test_eq32_erratum():
     flat = [[2, -1, 2], [1, 3, -2], [-1, 2, 1], [3, -1, 1]]
     snap = [1, -2, 3]
@@ -69,6 +70,7 @@ def test_eq32_erratum():
     assert radial_snap(flat, snap, [0, 0, 0]) == pytest.approx(exact, rel=1e-12)
 
 
+@pytest.mark.interpreted
 @settings(deadline=None)
 @given(FLAT, VECTOR)
 def test_eq32_equals_the_leibniz_form(flat, snap):
@@ -81,6 +83,7 @@ def test_eq32_equals_the_leibniz_form(flat, snap):
     assert radial_snap(flat, snap, [0, 0, 0]) == pytest.approx(R4, rel=1e-9, abs=1e-12 * scale)
 
 
+@pytest.mark.interpreted
 def test_eq32_equals_finite_differences():
     rng = np.random.default_rng(0)
     h = 1e-2
@@ -98,6 +101,7 @@ def test_eq32_equals_finite_differences():
         assert radial_snap(flat, snap, np.zeros(3)) == pytest.approx(np.dot(fourth, R) / h**4, abs=1e-4)
 
 
+@pytest.mark.interpreted
 @settings(deadline=None)
 @given(FLAT, VECTOR, st.integers(0, 2**32 - 1))
 def test_radial_motion_is_rotation_invariant(flat, snap, seed):
@@ -110,6 +114,7 @@ def test_radial_motion_is_rotation_invariant(flat, snap, seed):
     np.testing.assert_allclose(after, before, rtol=1e-10, atol=1e-12 * scale)
 
 
+@pytest.mark.interpreted
 @settings(deadline=None)
 @given(FLAT, VECTOR, st.floats(-200.0, 200.0), VECTOR)
 def test_eq34_round_trip_is_the_nearest_snap(flat, snap, wanted, center):
@@ -124,6 +129,7 @@ def test_eq34_round_trip_is_the_nearest_snap(flat, snap, wanted, center):
     np.testing.assert_allclose(shifted - snap, needed * n, rtol=1e-9, atol=slack)
 
 
+@pytest.mark.interpreted
 @settings(deadline=None, max_examples=50)
 @given(st.floats(0.1, 10.0), st.floats(-10.0, 10.0), st.floats(-50.0, 50.0), st.floats(-1e3, 1e3))
 def test_straight_motion_loses_no_digits(distance, speed, acceleration, jerk):
@@ -155,6 +161,7 @@ def test_kernel_equals_the_leibniz_form():
     np.testing.assert_allclose(found, leibniz(flat, snap), rtol=1e-13)
 
 
+@pytest.mark.interpreted
 def test_leading_dimensions_broadcast():
     rng = np.random.default_rng(1)
     flat, snap, center = rng.normal(size=(5, 1, 4, 3)), rng.normal(size=(6, 3)), rng.normal(size=(5, 6, 3))
@@ -167,6 +174,7 @@ def test_leading_dimensions_broadcast():
     assert np.array_equal(shifted[4, 5], snap_for_radial(flat[4, 0], snap[5], center[4, 5], 2.0))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -7,10 +7,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.held import held_lower, stays_above
+from shields.held import (
+    _lower_in_period,
+    _may_dip,
+    derivatives,
+    held_lower,
+    lift_after,
+    polynomial,
+    state_after,
+    stays_above,
+    weight,
+)
 from shields.integrator import lower4, lower_value
 from shields.integrator import required_input as continuous_input
-from shields.sampled import _is_above, required, sampled_input, sampled_value
+from shields.sampled import _is_above, _needed_later, _rise_at, required, sampled_input, sampled_value
 
 U_MAX = 20.0
 BOUND = 1.0
@@ -72,6 +82,7 @@ def test_value_is_the_least_of_a_dense_search(order, period):
     assert excess.min() >= -1e-14 and excess.max() <= 1e-3 and np.median(excess) <= 1e-5
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_value_is_attained_at_its_minimiser(order, period):
@@ -83,6 +94,7 @@ def test_value_is_attained_at_its_minimiser(order, period):
     assert np.all(np.abs(there - value) <= 1e-13 * term_size(x, u, t_star))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_value_at_u_max_is_g(order, period):
@@ -93,6 +105,7 @@ def test_value_at_u_max_is_g(order, period):
     assert np.all(np.abs(value - expected) <= 1e-14 * term_size(x, U_MAX, t_star))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_value_is_concave_and_nondecreasing_in_the_input(order):
     rng = np.random.default_rng(30 + order)
@@ -107,6 +120,7 @@ def test_value_is_concave_and_nondecreasing_in_the_input(order):
         assert np.all(middle - (at_u + at_v) / 2 >= -1e-13 * size)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_slope_of_the_value_is_the_difference_of_powers(order):
     rng = np.random.default_rng(40 + order)
@@ -183,6 +197,7 @@ def test_inside_the_answer_is_the_least_admissible_input(seed, order, period):
     assert np.array_equal(sampled_input(x, u, period, U_MAX, BOUND, ALPHA)[0], u)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_answers_are_monotone(order, period):
@@ -196,6 +211,7 @@ def test_answers_are_monotone(order, period):
     assert np.all(bolder <= u + slack) and np.all(higher >= u - slack)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("desired", [-1e3, -1e6, -1e12, -1e100])
 def test_far_desired_inputs_have_one_answer(desired):
     rng = np.random.default_rng(60)
@@ -274,6 +290,7 @@ def test_chains_under_attack_never_violate(rate):
         assert least >= -1e-13 and over == 0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 50])
 def test_the_continuous_filter_held_over_a_period_violates(rate):
     rng = np.random.default_rng(70)
@@ -289,6 +306,7 @@ def test_the_continuous_filter_held_over_a_period_violates(rate):
     assert least.min() < -1e-3
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 def test_just_inside_u_max_succeeds_and_just_outside_it_fails(order):
     rng = np.random.default_rng(80 + order)
@@ -302,6 +320,7 @@ def test_just_inside_u_max_succeeds_and_just_outside_it_fails(order):
         assert np.all(in_set == (side > 0))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("period", PERIODS)
 def test_outside_g_recovers_at_the_rate_asked_unless_the_reserve_is_spent(order, period):
@@ -332,6 +351,7 @@ def test_outside_the_set_is_left_behind(order):
     assert np.all(g(x)[0] >= -1e-9 * (1 + np.abs(x).max(axis=1)))
 
 
+@pytest.mark.interpreted
 def test_rounding_on_the_boundary_counts_as_inside():
     rng = np.random.default_rng(110)
     for order in ORDERS:
@@ -368,3 +388,134 @@ def test_bad_arguments(changes, message):
     good = {"x": [0.0, 2.0], "u_desired": 0.0, "period": 0.02, "u_max": 20.0, "bound": 1.0, "alpha": 2.0}
     with pytest.raises(ValueError, match=message):
         sampled_input(**(good | changes))
+
+
+@pytest.mark.interpreted
+def test_a_tail_is_told_to_stay_above_wherever_a_parabola_shows_it():
+    rng, told = np.random.default_rng(131), [0, 0]
+    for _ in range(1500):
+        x4, x3, x2, x1 = map(float, rng.normal(size=4) * 10 ** rng.uniform(-1, 1, 4))
+        x4, u_max, t = abs(x4), float(rng.choice([0.0, 1.0, 30.0])), float(rng.exponential())
+        x1 = abs(x1) if u_max == 0.0 else x1
+        h = np.concatenate([np.linspace(-t, 10.0 * abs(x1) + 1.0, 4001), [-t]])
+        least = (x2 / 2 + h * (x1 / 6 + h * u_max / 24)).min()
+        room = min(least, 4.0 * least * x4 - x3 * x3)
+        # the grid's error is smaller
+        if abs(room) > 1e-2 * (x3 * x3 + abs(least)):
+            assert _is_above(x4, x3, x2, x1, u_max, t) == (room > 0.0)
+            told[int(room > 0.0)] += 1
+    assert min(told) > 200
+
+
+@pytest.mark.interpreted
+def test_a_tail_that_rises_is_told_to_stay_above_where_it_does():
+    # x_4 = 1 + h²/2 (x_2 - h + h²/4): with x_2 = -2 it falls to -0.7 after 2.5 s, with 1 it never does
+    assert not _is_above(1.0, 0.0, -2.0, -3.0, 3.0, 0.0)
+    assert _is_above(1.0, 0.0, 1.0, -3.0, 3.0, 0.0)
+    # what it has gained by then is enough, or is not
+    assert _is_above(1.0, 10.0, -2.0, -3.0, 3.0, 0.0) and not _is_above(-1e-9, 5.0, 1.0, 0.0, 3.0, 0.0)
+    assert _is_above(1.0, 0.0, 0.0, 0.0, 0.0, 0.0) and not _is_above(1.0, 5.0, -1e-9, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", ORDERS)
+def test_what_later_times_need_is_the_bound_of_the_first_of_them_that_asks_for_more(order):
+    rng, period, target = np.random.default_rng(order), 0.1, 0.7
+    for x in rng.normal(size=(100, order)) * 5.0:
+        t = float(period + rng.exponential())
+        best = -math.inf
+        for k in range(60):
+            time = t * 2.0**k
+            w = (time**order - (time - period) ** order) / math.factorial(order)
+            needed = U_MAX - (flow(x, U_MAX, time)[-1] - target) / w
+            if needed <= best:
+                break
+            best = needed
+        padded = (*(0.0,) * (4 - order), *x.tolist())
+        p = polynomial(derivatives(order, padded, U_MAX))
+        assert _needed_later(order, p, t, period, U_MAX, target) == pytest.approx(best, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", ORDERS)
+def test_lift_weight_and_state_of_a_held_input_are_those_of_the_flow(order):
+    rng, period = np.random.default_rng(order), 0.3
+    for x, u in zip(rng.normal(size=(50, order)), rng.normal(size=50), strict=True):
+        t = rng.uniform(0.0, 2.0)
+        padded = (*(0.0,) * (4 - order), *x.tolist())
+        after = flow(x, u, period)
+        found = state_after(derivatives(order, padded, float(u)), period)
+        assert found[4 - order :] == pytest.approx(after, rel=1e-12)
+        lift = flow(x, u + 1.0, period) - after
+        assert lift_after(order, period)[4 - order :] == pytest.approx(lift, rel=1e-9)
+        held = flow(x, u + 1.0, min(t, period)) - flow(x, u, min(t, period))
+        gain = flow(held, 0.0, max(t - period, 0.0))[-1]
+        assert weight(order, float(t), period) == pytest.approx(gain, rel=1e-9, abs=1e-12)
+    assert weight(0, 1.0, period) == 0.0
+
+
+@pytest.mark.interpreted
+def test_the_least_within_a_period_is_that_of_a_dense_search():
+    rng, dips = np.random.default_rng(150), 0
+    for _ in range(1500):
+        y = tuple(map(float, rng.normal(size=5) * 10 ** rng.uniform(-1, 1, 5)))
+        period = float(rng.uniform(0.01, 3.0))
+        t = np.linspace(0.0, period, 2001)
+        path = y[4] + t * (y[3] + t * (y[2] / 2 + t * (y[1] / 6 + t * y[0] / 24)))
+        value, t_star = _lower_in_period(y, period)
+        inner = path[:-1].argmin()
+        if 0 < inner < len(t) - 2:
+            assert (
+                value == pytest.approx(path.min(), abs=1e-5 * np.abs(path).max())
+                and value <= path.min() + 1e-12
+            )
+            assert t_star == pytest.approx(t[inner], abs=2e-2 * period) or value == pytest.approx(path[0])
+            dips += 1
+        # x_4 itself at its time, and never above the start
+        assert value <= y[4] and 0.0 <= t_star < period
+    assert dips > 200
+
+
+@pytest.mark.interpreted
+def test_the_rise_of_the_input_lifts_by_what_is_missing():
+    p, period = polynomial(derivatives(2, (0.0, 0.0, -3.0, 1.0), 5.0)), 0.1
+    assert _rise_at(2, p, 0.4, period, 5.0, 0.0) == _rise_at(2, p, 0.4, period, 5.0, -1.0) == 0.0
+    lifted = _rise_at(2, p, 0.4, period, 5.0, 0.25) * weight(2, 0.4, period)
+    assert lifted == pytest.approx(0.25, rel=1e-12) and lifted > 0.25
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("order", ORDERS)
+def test_other_units_change_no_digit(order):
+    """In units that differ by powers of two every number is the same but for its exponent."""
+    # the fourth order starts from the bits of its numbers, and ends within rounding
+    slack = 1e-13 if order == 4 else 0.0
+    rng, period, length, time = np.random.default_rng(order), 0.05, 2.0**24, 2.0**-4
+    units = length / time ** np.arange(order - 1.0, -1.0, -1.0)
+    u, x = length / time**order, states(rng, order, rng.normal(size=200) * 0.3)
+    wanted = some_inputs(rng, 200)
+    expected, in_set = sampled_input(x, wanted, period, U_MAX, BOUND, ALPHA)
+    found = sampled_input(x * units, wanted * u, period * time, U_MAX * u, BOUND * length, ALPHA / time)
+    np.testing.assert_allclose(found, (expected * u, in_set), rtol=slack)
+    value, t_star = sampled_value(x, wanted, period, U_MAX, BOUND)
+    found = sampled_value(x * units, wanted * u, period * time, U_MAX * u, BOUND * length)
+    np.testing.assert_allclose(found[0], value * length, rtol=slack, atol=slack * length)
+    np.testing.assert_allclose(found[1], t_star * time, rtol=1e6 * slack)
+
+
+@pytest.mark.interpreted
+def test_no_dip_within_a_period_is_overlooked():
+    """Whatever the signs and sizes of the Bernstein coefficients of the speed."""
+    rng, dips = np.random.default_rng(160), 0
+    for _ in range(2000):
+        size = 10.0 ** rng.uniform(-3, 3)
+        b0, b1, b2, b3 = rng.choice([-1.0, 1.0], 4) * rng.exponential(size=4) * size
+        period, s = float(rng.uniform(0.1, 3.0)), np.linspace(0.0, 1.0, 300)
+        speed = b0 * (1 - s) ** 3 + 3 * b1 * s * (1 - s) ** 2 + 3 * b2 * s * s * (1 - s) + b3 * s**3
+        y3, y2, y1 = b0, 3 * (b1 - b0) / period, 6 * (b2 - 2 * b1 + b0) / period**2
+        y0 = 6 * (b3 - 3 * b2 + 3 * b1 - b0) / period**3
+        if ((speed[:-1] < -1e-9 * size) & (speed[1:] > 1e-9 * size)).any():
+            assert _may_dip((y0, y1, y2, y3, 0.0), period)
+            dips += 1
+    assert not _may_dip((0.0, 0.0, 1.0, 1.0, 0.0), 1.0) and not _may_dip((0.0, 0.0, -1.0, -1.0, 0.0), 1.0)
+    assert dips > 400

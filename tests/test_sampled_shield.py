@@ -102,6 +102,7 @@ class Flight:
         return answer
 
 
+@pytest.mark.interpreted
 def test_inside_the_set_everything_passes_bit_for_bit():
     rng = np.random.default_rng(0)
     flat, center, radius, snap = slow_states(rng, 200)
@@ -114,6 +115,7 @@ def test_inside_the_set_everything_passes_bit_for_bit():
     assert (answer.correction == 0).all() and (answer.obstacle == -1).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 100, 1000])
 def test_eq17_the_correction_is_the_least_along_its_normal(rate):
     rng = np.random.default_rng(1)
@@ -136,6 +138,7 @@ def test_eq17_the_correction_is_the_least_along_its_normal(rate):
         assert (smaller < target).all()
 
 
+@pytest.mark.interpreted
 def test_filter_is_idempotent():
     rng = np.random.default_rng(2)
     flat, center, radius, snap = slow_states(rng, 400)
@@ -148,6 +151,7 @@ def test_filter_is_idempotent():
     assert not twice.refused[kept].any()
 
 
+@pytest.mark.interpreted
 def test_a_copy_remembers_and_forgets_by_itself():
     rng = np.random.default_rng(4)
     flat, center, radius, _ = scene(rng, 4, 2)
@@ -165,6 +169,7 @@ def test_a_copy_remembers_and_forgets_by_itself():
         np.testing.assert_array_equal(answers[0].snap[0], new.snap[0])
 
 
+@pytest.mark.interpreted
 def test_a_row_of_a_batch_is_a_single_plant_bit_for_bit():
     rng = np.random.default_rng(3)
     flat, center, radius, velocity = scene(rng, 8, 3, 0.1)
@@ -179,6 +184,7 @@ def test_a_row_of_a_batch_is_a_single_plant_bit_for_bit():
         flat, center = moved(flat, together.snap, PERIOD), center + PERIOD * velocity
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_rotations_about_the_vertical_and_mirrors_commute_with_the_filter(mirrored):
     rng = np.random.default_rng(4)
@@ -199,6 +205,7 @@ def test_rotations_about_the_vertical_and_mirrors_commute_with_the_filter(mirror
     assert compared > 20
 
 
+@pytest.mark.interpreted
 def test_a_uniform_motion_of_everything_changes_nothing():
     rng = np.random.default_rng(5)
     flat, center, radius, snap = slow_states(rng, 400)
@@ -233,6 +240,7 @@ def test_attacked_vehicles_never_hit_and_keep_their_thrust(rate, seconds, count)
     assert flight.thrust.min() >= 1.0 - 1e-9
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 100])
 def test_without_a_shield_the_same_attack_hits(rate):
     rng = np.random.default_rng(0)
@@ -242,6 +250,7 @@ def test_without_a_shield_the_same_attack_hits(rate):
     assert (flight.clearance[::2] < 0.0).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("is_shielded", [True, False])
 def test_a_dive_keeps_its_thrust_only_with_the_shield(is_shielded):
     flight = Flight(
@@ -264,6 +273,7 @@ def pressed_against_a_sphere(shield, rate):
     return flight.clearance.min()
 
 
+@pytest.mark.interpreted
 def test_the_continuous_filter_held_over_a_period_hits_where_the_sampled_one_does_not():
     assert pressed_against_a_sphere(Shield(method="cbf"), 20) < 0.0
     assert pressed_against_a_sphere(Shield(), 20) > 0.0
@@ -285,6 +295,7 @@ def test_two_moving_spheres_are_never_hit(rate):
     assert flight.thrust[certified].min() >= 1.0 - 1e-9
 
 
+@pytest.mark.interpreted
 def test_accelerating_spheres_are_refused():
     with pytest.raises(ValueError, match="acceleration must be 0, spheres move at constant velocity"):
         Shield().filter(np.zeros((4, 3)), [[2.0, 0, 0]], [0.5], np.zeros(3), PERIOD, acceleration=[[0, 0, 0.1]])
@@ -294,6 +305,7 @@ def test_accelerating_spheres_are_refused():
     assert not quiet.intervened
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("missing", [math.nan, math.inf])
 def test_a_missing_wish_is_answered_by_the_stored_stop(missing):
     shield, flat = Shield(), one([0, 0, 0], [0.6, 0, 0])
@@ -307,6 +319,7 @@ def test_a_missing_wish_is_answered_by_the_stored_stop(missing):
     np.testing.assert_allclose(flat[1:], 0.0, atol=1e-9)
 
 
+@pytest.mark.interpreted
 def test_from_inside_a_sphere_it_gets_out():
     flight = Flight(Shield(), resting([0.3, 0.05, 0.0]), np.zeros((1, 1, 3)), np.array([[0.5]]))
     first = flight.fly(np.zeros((1, 3)), PERIOD)
@@ -318,6 +331,7 @@ def test_from_inside_a_sphere_it_gets_out():
     assert last.certified[0]
 
 
+@pytest.mark.interpreted
 def test_at_the_centre_the_answer_is_finite():
     answer = Shield().filter(np.zeros((4, 3)), np.zeros((1, 3)), [0.5], np.zeros(3), PERIOD)
     assert np.isfinite(answer.snap).all()
@@ -344,6 +358,7 @@ def test_coincident_and_overlapping_spheres_are_no_conflict(second):
     assert flight.clearance.min() > 0.0
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("left", [0.0, 0.5])
 def test_from_free_fall_it_comes_to_rest_and_the_thrust_sinks_no_further(left):
     flat = np.zeros((1, 4, 3))
@@ -358,6 +373,7 @@ def test_from_free_fall_it_comes_to_rest_and_the_thrust_sinks_no_further(left):
     assert flight.clearance[0] > 0.0
 
 
+@pytest.mark.interpreted
 def test_a_sphere_that_jumps_onto_the_path_voids_the_stop():
     shield, flat = Shield(), one([0, 0, 0], [1.0, 0, 0])
     center, radius = np.array([[10.0, 0, 0]]), np.array([0.4])
@@ -370,6 +386,7 @@ def test_a_sphere_that_jumps_onto_the_path_voids_the_stop():
     assert answer.snap[0] < 0.0
 
 
+@pytest.mark.interpreted
 def test_a_sphere_that_jumps_further_ahead_is_avoided_by_a_new_stop():
     shield, flat = Shield(), one([0, 0, 0], [1.0, 0, 0])
     radius = np.array([0.4])
@@ -402,6 +419,7 @@ def test_sixty_four_spheres():
     assert flight.clearance.min() > 0.0
 
 
+@pytest.mark.interpreted
 def test_reset_forgets_only_the_rows_of_the_mask():
     rng = np.random.default_rng(10)
     shield, (flat, center, radius, _) = Shield(), scene(rng, 6, 2)
@@ -418,6 +436,7 @@ def test_reset_forgets_only_the_rows_of_the_mask():
     assert (new != old).any(axis=1).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("rate", [20, 100])
 def test_a_vehicle_that_rests_against_a_sphere_flies_away_when_asked_to(rate):
     flight = Flight(Shield(), resting([-1.5, 0.0, 0.0]), np.zeros((1, 1, 3)), np.array([[0.5]]))

@@ -66,6 +66,7 @@ def test_what_is_safe_passes_bit_for_bit(flat, snap):
         assert answer.correction == 0.0
 
 
+@pytest.mark.interpreted
 def test_correction_is_the_least_one_along_the_line_of_sight():
     flat, center, radius, snap = rows(300, seed=1)
     answer = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -111,6 +112,7 @@ def test_filter_is_monotone_along_the_line_of_sight(flat, snap, more):
     assert n @ (high.snap - low.snap) >= -1e-9 * (1.0 + low.correction)
 
 
+@pytest.mark.interpreted
 def test_batch_equals_single_bit_for_bit():
     flat, center, radius, snap = rows(200)
     batch = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -120,6 +122,7 @@ def test_batch_equals_single_bit_for_bit():
         assert all(np.array_equal(a[i], b) for a, b in zip(batch, single, strict=True))
 
 
+@pytest.mark.interpreted
 def test_answers_have_the_shape_of_the_question():
     flat, center, radius, snap = rows(7)
     batch = cbf().filter(flat, center, radius, snap, PERIOD)
@@ -131,6 +134,7 @@ def test_answers_have_the_shape_of_the_question():
     assert not np.shares_memory(batch.snap, snap)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("obstacles", [0, 1, 3])
 def test_without_an_obstacle_everything_passes(obstacles):
     snap = np.array([1e3, -2e3, 3e3])
@@ -140,6 +144,7 @@ def test_without_an_obstacle_everything_passes(obstacles):
     assert (answer.value, answer.in_set, answer.intervened) == (math.inf, True, False)
 
 
+@pytest.mark.interpreted
 def test_the_obstacle_is_found_among_absent_ones():
     flat, center, radius = (
         np.array([[[2.0, 0, 0], [-2.0, 1, 0], [0] * 3, [0] * 3]]),
@@ -159,6 +164,7 @@ def test_the_obstacle_is_found_among_absent_ones():
     assert np.array_equal(alone.snap, among.snap)
 
 
+@pytest.mark.interpreted
 def test_margin_widens_the_radius():
     flat, snap = np.array([[3.0, 0, 0], [-1.0, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([-50.0, 0, 0])
     wide = cbf(margin=0.1).filter(flat, np.zeros((1, 3)), [1.0], snap, PERIOD)
@@ -167,6 +173,7 @@ def test_margin_widens_the_radius():
     assert wide.value == exact.value
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("bound", "flat"),
     [
@@ -185,6 +192,7 @@ def test_optional_bounds_act_on_their_derivative(bound, flat):
     assert not cbf(**{bound: 1.0}).filter(*question).in_set
 
 
+@pytest.mark.interpreted
 def test_recovery_from_outside_is_capped():
     flat = np.array([[1.0, 0, 0], [-4.0, 0, 0], [0, 0, 0], [0, 0, 0]])
     answer = cbf(snap_max=50.0, reserve=2.0).filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
@@ -192,12 +200,14 @@ def test_recovery_from_outside_is_capped():
     assert radial_snap(flat, answer.snap, np.zeros(3)) == pytest.approx(100.0, rel=1e-12)
 
 
+@pytest.mark.interpreted
 def test_at_the_centre_the_answer_is_finite_and_leads_out():
     flat = np.array([[0.0, 0, 0], [-2.0, 0, -1.0], [0, 1.0, 0], [0, 0, -3.0]])
     answer = cbf().filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
     assert np.array_equal(answer.snap, [0.0, 0.0, 300.0])
 
 
+@pytest.mark.interpreted
 def test_a_missing_wish_is_answered_by_braking():
     flat = np.array([[50.0, 0, 0], [1.0, -2.0, 0.5], [3.0, 0, 1.0], [0, 10.0, -5.0]])
     for bad in ([np.nan, 0, 0], [0, np.inf, 0], [0, 0, -np.inf]):
@@ -210,6 +220,7 @@ def test_a_missing_wish_is_answered_by_braking():
     np.testing.assert_allclose(tiny.snap, -27.0 * flat[1] - 27.0 * flat[2] - 9.0 * flat[3], rtol=1e-4)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("period", [0.001, 0.05, 1.0])
 def test_braking_comes_to_rest_and_stays_shielded(period):
     flat, shield = np.array([[4.0, 0, 0], [-2.0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]]), cbf()
@@ -245,6 +256,7 @@ def test_in_continuous_time_the_sphere_is_never_entered():
     assert 1.0 <= least < 1.1
 
 
+@pytest.mark.interpreted
 def test_without_the_shield_the_same_attack_hits():
     assert fly_at_the_sphere(None, 3.0, 1e-3) < 0.9
 
@@ -252,6 +264,7 @@ def test_without_the_shield_the_same_attack_hits():
 SETTINGS = {"snap_max": 40.0, "reserve": 2.0, "alpha": 1.5, "margin": 0.01, "max_closing_speed": 3.0}
 
 
+@pytest.mark.interpreted
 def test_settings_survive_json_pickle_and_copies():
     shield = cbf(**SETTINGS)
     question = (*rows(4), PERIOD)
@@ -268,6 +281,7 @@ def test_settings_survive_json_pickle_and_copies():
     assert cbf(snap_max=np.float32(2.0)).settings["snap_max"] == 2.0
 
 
+@pytest.mark.interpreted
 def test_number_of_plants_is_fixed_until_reset():
     shield = cbf()
     shield.reset(np.array([True, False]))
@@ -280,6 +294,7 @@ def test_number_of_plants_is_fixed_until_reset():
     shield.filter(*rows(2), PERIOD)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("mask", [np.ones(2, dtype=bool), np.ones(3), np.ones((3, 1), dtype=bool)])
 def test_wrong_reset_masks_are_named(mask):
     shield = cbf()
@@ -288,6 +303,7 @@ def test_wrong_reset_masks_are_named(mask):
         shield.reset(mask)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -307,6 +323,8 @@ def test_bad_settings_are_named(changed, message):
         Shield(**changed)
 
 
+@pytest.mark.interpreted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # compiled, nothing warns
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -337,6 +355,7 @@ def test_bad_measurements_are_named(changed, message):
         cbf().filter(**(good | changed))
 
 
+@pytest.mark.interpreted
 def test_what_is_not_a_number_is_a_type_error():
     with pytest.raises(TypeError, match="flat must be an array of real numbers"):
         cbf().filter("here", np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
@@ -354,6 +373,7 @@ def test_one_filtered_row():
     assert braked.snap[0] > 0.0 > braked.snap[1]
 
 
+@pytest.mark.interpreted
 def test_unchecked_arguments_start_no_compilation():
     from shields import joint
 
@@ -379,3 +399,95 @@ def test_unchecked_arguments_start_no_compilation():
     assert len(getattr(joint.joint_one, "signatures", ())) == compiled
     with pytest.raises(ValueError, match=r"must have shape \(…, 4, 3\)"):
         shield.filter(flat[:3], center, radius, snap, PERIOD)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("method", ["sampled", "cbf"])
+def test_a_shield_goes_on_where_it_was_when_it_gave_the_snapshot(method):
+    flat, center, radius, snap = rows(3)
+    first, second = Shield(method=method), Shield(method=method)
+    assert first.snapshot() == {}
+    for k in range(3):
+        first.filter(flat, center, radius, snap * k, PERIOD)
+    kept = first.snapshot()
+    later = [np.array(first.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    # what was given away does not change
+    second.restore(kept)
+    assert all(np.array_equal(kept[name], entry) for name, entry in second.snapshot().items())
+    again = [np.array(second.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    np.testing.assert_array_equal(again, later)
+    with pytest.raises(ValueError, match="keep their N and K"):
+        second.filter(*rows(2), PERIOD)
+    second.restore({})
+    second.filter(*rows(2), PERIOD)
+
+
+@pytest.mark.interpreted
+def test_a_snapshot_of_one_plant_is_restored_as_one_plant():
+    shield, again = cbf(), cbf()
+    arguments = ([*np.eye(4, 3) * 3.0], CENTER, RADIUS, np.zeros(3))
+    answer = shield.filter(*arguments, PERIOD)
+    again.restore(shield.snapshot())
+    assert again.filter(*arguments, PERIOD).snap.shape == answer.snap.shape == (3,)
+
+
+@pytest.mark.interpreted
+def test_a_snapshot_of_another_method_is_refused():
+    shield = Shield()
+    shield.filter(*rows(2), PERIOD)
+    with pytest.raises(ValueError, match="snapshot must have memory of"):
+        cbf().restore(shield.snapshot())
+
+
+@pytest.mark.interpreted
+def test_velocities_have_the_shape_of_the_centres():
+    flat, center, radius, snap = rows(2)
+    center, radius = np.repeat(center, 3, axis=1), np.repeat(radius, 3, axis=1)
+    for wrong in (np.zeros((3, 2, 3)), np.zeros((2, 3)), np.zeros((4, 3, 3)), "fast"):
+        with pytest.raises(ValueError, match="velocity must have the shape of center"):
+            Shield().filter(flat, center, radius, snap, PERIOD, velocity=wrong)
+    calm = Shield().filter(flat, center, radius, snap, PERIOD)
+    still = Shield().filter(flat, center, radius, snap, PERIOD, velocity=np.zeros((2, 3, 3)))
+    assert np.array_equal(calm.numbers, still.numbers)
+    flat, center, radius, snap = rows(2)
+    with pytest.raises(ValueError, match="velocity must be 0 with method 'cbf'"):
+        cbf().filter(flat, center, np.ones((2, 1)), snap, PERIOD, velocity=np.ones((2, 1, 3)))
+    with pytest.raises(ValueError, match="acceleration must be 0"):
+        cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.ones((2, 1, 3)))
+    cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.zeros((2, 1, 3)))
+
+
+@pytest.mark.interpreted
+def test_a_call_at_another_period_is_that_of_a_new_shield():
+    shield = cbf()
+    for period in (PERIOD, 0.5, PERIOD):
+        for wanted in (np.full((2, 3), np.nan), np.zeros((2, 3))):
+            flat, center, radius, _ = rows(2)
+            answer = shield.filter(flat, center, radius, wanted, period)
+            assert np.array_equal(answer.numbers, cbf().filter(flat, center, radius, wanted, period).numbers)
+
+
+@pytest.mark.interpreted
+def test_the_reserve_is_told_only_of_a_sphere_that_asks_and_in_units_of_the_greatest_snap():
+    calm = shielded(np.array([[9.0, 0.0, 0.0], *np.zeros((3, 3))]), np.zeros(3))
+    assert (calm.reserve, calm.obstacle, calm.intervened, calm.fallback) == (0.0, -1, False, False)
+    flat = np.array([CENTER[0] + [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], *np.zeros((2, 3))])
+    answer = shielded(flat, np.array([-200.0, 0.0, 0.0]))
+    assert answer.obstacle == 0 and answer.intervened
+    asked = radial_snap(flat, answer.snap, CENTER[0])
+    assert answer.reserve == pytest.approx(max(0.0, asked / SNAP_MAX)) and answer.correction > 0.0
+    # the least input is below 0 here: nothing of the reserve
+    slow = np.array([CENTER[0] + [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0], *np.zeros((2, 3))])
+    answer = shielded(slow, np.array([-1e6, 0.0, 0.0]))
+    assert answer.intervened and radial_snap(slow, answer.snap, CENTER[0]) < 0.0 and answer.reserve == 0.0
+
+
+@pytest.mark.interpreted
+def test_motion_of_the_spheres_is_heard_in_the_second_call_too():
+    flat, center, radius, snap = rows(2)
+    shield, moving = Shield(), np.ones((2, 1, 3))
+    shield.filter(flat, center, radius, snap, PERIOD)
+    with pytest.raises(ValueError, match="acceleration must be 0"):
+        shield.filter(flat, center, radius, snap, PERIOD, acceleration=moving)
+    still = np.array(shield.filter(flat, center, radius, snap, PERIOD).value)
+    assert not np.array_equal(shield.filter(flat, center, radius, snap, PERIOD, velocity=moving).value, still)

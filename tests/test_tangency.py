@@ -20,6 +20,7 @@ def states(n, count=200, seed=0):
     ]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("u", [-1.5, 0.0, 1.9, 2.0])
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6])
 def test_lemma1_rate_is_the_derivative_along_the_flow(n, u):
@@ -32,6 +33,7 @@ def test_lemma1_rate_is_the_derivative_along_the_flow(n, u):
     assert (abs(rate - difference) < 1e-4 * size**2).all()
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5])
 def test_lemma1_upper_rates_are_mirrored(n):
     x = states(n)
@@ -51,6 +53,7 @@ def test_lemma1_its_three_cases():
     assert upper_lie_derivative([5.0], -0.25, -2.0) == 0.25
 
 
+@pytest.mark.interpreted
 def test_eq13_the_extremal_input_keeps_the_value():
     x = states(4)
     ahead = lower_value(x, 2.0, 0.0)[1] > 0.0
@@ -59,6 +62,7 @@ def test_eq13_the_extremal_input_keeps_the_value():
     assert (lower_lie_derivative(x[ahead], 1.9, 2.0) < 0.0).all()
 
 
+@pytest.mark.interpreted
 def test_eq14_erratum_any_input_above_the_least_lowers_the_upper_value():
     x = -states(4)
     ahead = upper_value(x, -2.0, 0.0)[1] > 0.0
@@ -67,6 +71,7 @@ def test_eq14_erratum_any_input_above_the_least_lowers_the_upper_value():
         assert (upper_lie_derivative(x[ahead], u, -2.0) < 0.0).all()
 
 
+@pytest.mark.interpreted
 def test_at_a_tie_the_rate_is_that_of_the_worst_minimiser():
     x = [-4.0, 6.0, 0.0]  # the third coordinate is as low at 6 s as now
     assert lower_lie_derivative(x, 0.5, 1.0) == 18.0 * (0.5 - 1.0) < x[1]
@@ -81,6 +86,7 @@ def test_lemma2_inputs():
     assert lower_input([0.0, 0.0, -1.0, 5.0], [1.0, 2.0]).tolist() == [1.0, 2.0]
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 def test_lemma2_on_the_boundary_less_leaves_the_set_and_no_less_stays(n):
     x = states(n)
@@ -115,6 +121,7 @@ def test_required_input_makes_the_value_decay_no_faster_than_allowed():
     assert lie_derivative(4, 1e200, 0.0, u_max, u_max) == 0.0
 
 
+@pytest.mark.interpreted
 def test_rows_and_bad_input():
     x = states(4)[:6].reshape(2, 3, 4)
     rates = lower_lie_derivative(x, [[0.1], [0.2]], 2.0)

@@ -11,7 +11,7 @@ from linear_program import best_margin
 
 from shields.capped import capped3, least_corner_x2
 from shields.composite import BoxSet, LowerSet
-from shields.integrator import flow, lower3, lower_value, upper_value
+from shields.integrator import flow, lower2, lower3, lower_value, upper_value
 
 UNIT = BoxSet([-1.0] * 3, [1.0] * 3, -1.0, 1.0)  # Fig. 3, left
 FLAT = BoxSet([-1.0] * 3, [0.2, 1.0, 1.0], -1.0, 1.0)  # Fig. 3, right
@@ -98,11 +98,13 @@ def test_eq26_its_rate_is_the_sensitivity_times_the_missing_input(x, u_max, x1_m
         assert (after - value) / step == pytest.approx(factor * (u - u_max), abs=1e-3 * (1.0 + t_star**2))
 
 
+@pytest.mark.interpreted
 def test_a_cap_that_x1_cannot_rise_above_leaves_no_state():
     assert capped3(-1.0, 0.0, 5.0, 1.0, 0.0, 0.0)[0] == -math.inf
     assert capped3(-1.0, 0.6, 5.0, 1.0, 0.0, 0.0)[0] == 5.0
 
 
+@pytest.mark.interpreted
 def test_eq28_is_the_least_of_its_eight_functions():
     rng, box = np.random.default_rng(0), LOPSIDED
     lower, upper, u_min, u_max = box.bounds
@@ -129,6 +131,7 @@ def test_eq28_is_convex(box):
     assert (box.value(0.5 * (x + y)) >= least - 1e-12 * (1.0 + abs(least))).all()
 
 
+@pytest.mark.interpreted
 def test_eq28_is_its_own_mirror_image():
     lower, upper, u_min, u_max = LOPSIDED.bounds
     mirrored, x = BoxSet(-upper, -lower, -u_max, -u_min), np.random.default_rng(2).normal(size=(300, 3))
@@ -170,6 +173,7 @@ def test_theorem1_corner_condition_against_a_search_along_the_edges():
     assert seen == {True, False}
 
 
+@pytest.mark.interpreted
 def test_theorem1_holds_for_both_boxes_of_figure_3():
     for box in (UNIT, FLAT):
         assert box.is_maximal() and box.why_not() is None
@@ -186,6 +190,8 @@ def test_theorem1_least_x2_at_a_corner_is_exact(fall, x1_max, u_max):
     assert least_corner_x2(-fall, x1_max, 1.0, u_max) >= 1.0
 
 
+@pytest.mark.interpreted
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # compiled, nothing warns
 @pytest.mark.parametrize(
     ("bounds", "reason"),
     [
@@ -255,6 +261,7 @@ def adversarial_states(box, rng, count):
     return x
 
 
+@pytest.mark.interpreted
 def test_theorem1_counter_case_28_is_not_invariant_where_it_fails():
     """Where g_3^b and its mirror meet, every input takes x_3 out of the box."""
     lower, upper, u_min, u_max = TIGHT.bounds
@@ -265,6 +272,7 @@ def test_theorem1_counter_case_28_is_not_invariant_where_it_fails():
     assert best_margin(x, lower, upper, u_min, u_max, steps, False) < -3e-3
 
 
+@pytest.mark.interpreted
 def test_theorem1_asks_for_more_than_it_needs():
     """Only (lower_1, lower_3) is missed: the two opposite corners exclude conflicts, and (28) is maximal."""
     box = BoxSet([-1.0, -2.0, -2.0], [0.4, 0.1, 2.0], -1.0, 1.0)
@@ -288,6 +296,7 @@ def test_lemma2_a_maximal_box_leaves_an_input_everywhere(box):
     assert (least > box.bounds.u_min).any() and (greatest < box.bounds.u_max).any()
 
 
+@pytest.mark.interpreted
 def test_lemma2_intervals_of_single_states():
     box = UNIT
     assert box.input_interval([0.0, 0.0, 0.0]) == (-1.0, 1.0)
@@ -305,6 +314,7 @@ def test_lemma2_intervals_of_single_states():
     assert BoxSet([-1.0], [1.0], -2.0, 1.0).input_interval([1.0]) == (-2.0, 0.0)
 
 
+@pytest.mark.interpreted
 def test_lemma2_at_rest_on_a_bound_an_input_that_leaves_it_is_excluded():
     assert UNIT.input_interval([0.0, 0.0, -1.0]) == (0.0, 1.0)
     assert UNIT.input_interval([0.0, 1.0, 0.0]) == (-1.0, 0.0)
@@ -313,6 +323,7 @@ def test_lemma2_at_rest_on_a_bound_an_input_that_leaves_it_is_excluded():
     assert least.tolist() == [0.0, -math.inf] and greatest.tolist() == [2.0, 2.0]
 
 
+@pytest.mark.interpreted
 def test_lemma2_an_outer_set_has_states_whose_interval_is_empty():
     least, greatest = TIGHT.input_interval(meeting_state(TIGHT))
     assert least > greatest
@@ -336,3 +347,20 @@ def test_kernels_of_the_triple_box():
     assert FLAT.is_maximal() and not TIGHT.is_maximal()
     assert least_corner_x2(-1.0, 1.0, -9.0, 1.0) == 0.375
     assert least_corner_x2(-1.0, 0.4, -9.0, 1.0) == pytest.approx(0.98 - math.sqrt(0.4 * 1.4**3 / 3.0))
+
+
+@pytest.mark.interpreted
+def test_the_least_corner_x2_is_the_least_that_the_lower_functions_allow():
+    rng, seen = np.random.default_rng(8), set()
+    for _ in range(200):
+        x1_min, x1_max, x2_min, u_max = -rng.uniform(0.1, 3.0), *(rng.uniform(0.1, 2.0, 3) * [1.0, -1.0, 1.0])
+        x2 = least_corner_x2(x1_min, x1_max, x2_min, u_max)
+
+        def values(x2):
+            third = capped3(x1_min, x2, 0.0, u_max, x1_max, 0.0)[0]  # noqa: B023
+            return lower2(x1_min, x2, u_max, x2_min)[0], third  # noqa: B023
+
+        assert min(values(x2)) == pytest.approx(0.0, abs=1e-9)
+        assert min(values(x2 - 1e-6)) < 0.0
+        seen.add((values(x2)[0] < 1e-9, -x1_min <= 2.0 * x1_max))
+    assert len(seen) == 4

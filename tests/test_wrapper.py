@@ -115,6 +115,7 @@ def expected(snap, **settings):
     return Shield(**settings).filter(FLAT, np.zeros((1, 3)), np.ones(1), snap, 0.01)
 
 
+@pytest.mark.interpreted
 def test_info_describes_the_policy_step():
     env = ShieldWrapper(EchoEnv(), snap_max=50.0)
     _, info = env.reset(seed=0)
@@ -162,6 +163,7 @@ def test_counts_start_anew_with_every_step_and_arrays_are_not_shared():
     assert np.array_equal(second["snap_applied"], CALM / 2.0)
 
 
+@pytest.mark.interpreted
 def test_a_missing_action_is_counted_as_fallback():
     env = ShieldWrapper(EchoEnv())
     env.reset()
@@ -171,6 +173,7 @@ def test_a_missing_action_is_counted_as_fallback():
     assert np.isnan(info["shield"]["snap_desired"]).all()
 
 
+@pytest.mark.interpreted
 def test_penalty_is_paid_for_the_share_of_periods():
     env = ShieldWrapper(EchoEnv(), intervention_penalty=0.5)
     env.reset()
@@ -181,6 +184,7 @@ def test_penalty_is_paid_for_the_share_of_periods():
     assert env.step(np.array([limit, 0.0, 0.0]))[1] == 1.0 - 0.5 * 0.75
 
 
+@pytest.mark.interpreted
 def test_the_environment_itself_is_shielded_until_remove():
     inner = EchoEnv()
     wrapper = ShieldWrapper(inner)
@@ -197,6 +201,7 @@ def test_the_environment_itself_is_shielded_until_remove():
     assert again.step(ATTACK)[4]["shield"]["intervened"]
 
 
+@pytest.mark.interpreted
 def test_without_a_slot_the_error_says_what_to_do():
     with pytest.raises(TypeError, match=r"filter slot.*NoSlot.*call Shield\.filter in your own loop"):
         ShieldWrapper(NoSlot())
@@ -204,6 +209,7 @@ def test_without_a_slot_the_error_says_what_to_do():
         VectorShieldWrapper(gymnasium.make_vec("CartPole-v1", 2, vectorization_mode="sync"))
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("settings", [{"snap_max": -1.0}, {"intervention_penalty": -1.0}, {"method": "none"}])
 def test_bad_settings_leave_the_environment_alone(settings):
     env = EchoEnv()
@@ -212,6 +218,7 @@ def test_bad_settings_leave_the_environment_alone(settings):
     assert not env.is_shielded
 
 
+@pytest.mark.interpreted
 def test_copies_have_their_own_shield():
     env = ShieldWrapper(EchoEnv(), snap_max=20.0)
     env.reset()
@@ -225,6 +232,7 @@ def test_copies_have_their_own_shield():
         assert env.unwrapped.is_shielded
 
 
+@pytest.mark.interpreted
 def test_vector_rows_equal_single_envs():
     actions = np.array([ATTACK, CALM, [np.nan, 0.0, 0.0]])
     vector = VectorShieldWrapper(EchoVectorEnv(), intervention_penalty=0.5)
@@ -243,6 +251,7 @@ def test_vector_rows_equal_single_envs():
     assert all(info["shield"][f"_{key}"].all() for key in KEYS)
 
 
+@pytest.mark.interpreted
 def test_a_row_that_is_reset_keeps_the_description_of_its_last_step():
     vector = VectorShieldWrapper(EchoVectorEnv())
     vector.reset()
@@ -257,6 +266,7 @@ def test_a_row_that_is_reset_keeps_the_description_of_its_last_step():
     assert "cost" in final
 
 
+@pytest.mark.interpreted
 def test_vector_wrapper_has_no_spec_and_can_be_removed():
     inner = gymnasium.make_vec(AVOID, 2)
     vector = VectorShieldWrapper(inner)
@@ -277,6 +287,7 @@ def attack(env):
     return np.append(direction / np.abs(direction).max(), 0.0).astype(np.float32)
 
 
+@pytest.mark.interpreted
 def test_avoid_passes_the_env_checker():
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -285,6 +296,7 @@ def test_avoid_passes_the_env_checker():
     assert "is different from the unwrapped version" in str(caught[0].message)
 
 
+@pytest.mark.interpreted
 def test_avoid_is_rebuilt_with_its_shield_from_the_spec():
     env = ShieldWrapper(gymnasium.make(AVOID, action="snap"), snap_max=60.0, intervention_penalty=0.1)
     assert env.spec is not None
@@ -301,6 +313,7 @@ def test_avoid_is_rebuilt_with_its_shield_from_the_spec():
     assert recorded == {"intervention_penalty": 0.1, **env.shield.settings}
 
 
+@pytest.mark.interpreted
 def test_avoid_survives_pickle_and_deepcopy_in_flight():
     env = ShieldWrapper(gymnasium.make(AVOID))
     env.reset(seed=1)
@@ -355,6 +368,7 @@ def test_a_filter_that_never_intervenes_changes_no_bit():
     assert np.array_equal(bare.unwrapped.state, shielded.unwrapped.state)
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
 def test_every_action_interface_is_shielded(action):
     env = ShieldWrapper(gymnasium.make(AVOID, action=action))
@@ -364,6 +378,7 @@ def test_every_action_interface_is_shielded(action):
     assert np.isfinite(info["shield"]["snap_desired"]).all()
 
 
+@pytest.mark.interpreted
 def test_shielded_plant_answers_an_action_that_is_not_finite():
     env = ShieldWrapper(gymnasium.make(AVOID, disable_env_checker=True))
     env.reset(seed=0)

@@ -165,11 +165,11 @@ def free_flight_table(rows: list[Row]) -> str:
 def randomised_table(rows: list[Row]) -> str:
     """Domain randomisation, by what the shield was told of it."""
     header = ("told of", "flights", "violated", "crashed or out of bounds", "steps without a certificate")
-    body = [
-        [row["kind"], f"{int(row['episodes']):,}", counted(row), counted(row, count="lost")]
-        + [counted(row, "steps", "uncertified") if row["kind"] != "no shield" else "–"]
-        for row in rows_with(rows, part="randomised")
-    ]
+    body = []
+    for row in rows_with(rows, part="randomised"):
+        uncertified = "–" if row["kind"] == "no shield" else counted(row, "steps", "uncertified")
+        cells = [row["kind"], f"{int(row['episodes']):,}", counted(row), counted(row, count="lost")]
+        body.append([*cells, uncertified])
     return markdown(header, body)
 
 
