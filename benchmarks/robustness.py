@@ -58,8 +58,8 @@ ALL_OF_BODY = {
 }
 ALL_OF_BODY |= {"jerk_noise": 0.2, "delay": 1, "loss": 0.1, "wind": 0.1, "turbulence": 0.02, "gain": 0.01}
 ALL_OF_BODY |= {"mass_error": 0.005}
-# Under "randomised" errors are larger than any tube that leaves half of the vehicle. What telling the shield some
-# of them is worth, the lag of the rotors counted as four periods of delay:
+# Under "randomised" errors are larger than any tube that leaves half of the vehicle. What it is worth to tell
+# the shield of some, the lag of the rotors counted as four periods of delay:
 ROOM: dict[str, Any] = {"position": 0.011, "velocity": 0.022}
 PARTLY: dict[str, dict[str, Any] | None] = {
     "no shield": None,
