@@ -15,11 +15,9 @@ stop is flown, what is left of it is checked again, against the spheres and the 
 import math
 from typing import NamedTuple
 
-import numpy as np
-
 from quadsafe_core.borrow import one_row
 from quadsafe_core.jit import inline_kernel, kernel
-from quadsafe_core.vec3 import norm, scale, subtract
+from quadsafe_core.vec3 import norm, subtract
 from shields.arcs import (
     CLEAR,
     HIT,
@@ -32,17 +30,23 @@ from shields.arcs import (
     flown,
     look_at_arc,
     rest_is_clear,
-    write3,
-    write_flat,
 )
 from shields.hull import SEGMENTS, is_clear_at_once
 from shields.radial import vector
+from shields.stored_stop import (
+    LENGTHS,
+    NOTHING,
+    advance_stop,
+    dead_beat_snap,
+    elapsed,
+    feedback,
+    periods_of,
+    tracking_snap,
+    write_stop,
+)
 
-# Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
-LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
-NOTHING = (0.0, 0.0, 0.0)
 ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
 ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
@@ -67,35 +71,6 @@ class Distances(NamedTuple):
     bare: Spheres
 
 
-# The stored stop of one vehicle; ``begin`` is the start of the segment that is flown.
-PLAN = np.dtype(
-    [
-        ("is_stored", "?"),
-        ("begin", "f8", (4, 3)),
-        ("snap", "f8", (3,)),
-        ("frame", "f8", (3,)),
-        ("periods", "i8"),
-        ("periods_left", "i8"),
-        ("segments_left", "i8"),
-        ("choice", "i8"),
-    ]
-)
-
-
-@inline_kernel
-def within_ball(u, radius):
-    """u, no longer than the radius."""
-    length = norm(u)
-    return u if length <= radius else scale(radius / length, u)
-
-
-@kernel
-def dead_beat_snap(x, frame, h):
-    """First snap of the stop: three such, each held for h, end in v = w, a = j = 0."""
-    slow = combined(scale(-2 / h**2, x.a), -11 / (6 * h), x.j)
-    return combined(slow, -1 / h**3, subtract(x.v, frame))
-
-
 @kernel
 def stop_is_clear(x, start, frame, h, spheres, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
@@ -111,12 +86,6 @@ def stop_is_clear(x, start, frame, h, spheres, limits):
     return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, spheres)
 
 
-@inline_kernel
-def periods_of(choice, period):
-    """Whole control periods in the segment length of that number."""
-    return max(1, round(LENGTHS[choice] / period))
-
-
 @kernel
 def clear_length(x, start, frame, first, period, spheres, limits):
     """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
@@ -127,68 +96,6 @@ def clear_length(x, start, frame, first, period, spheres, limits):
         if choice != first and stop_is_clear(x, start, frame, h, spheres, limits):
             return choice
     return -1
-
-
-@kernel
-def write_stop(plan, x, frame, choice, period):
-    """Store the stop that begins at x."""
-    plan["is_stored"] = True
-    plan["choice"] = choice
-    plan["periods"] = periods_of(choice, period)
-    plan["segments_left"] = SEGMENTS
-    write3(plan["frame"], frame)
-    begin_segment(plan, x, period)
-
-
-@kernel
-def begin_segment(plan, x, period):
-    """Start the next segment of the stored stop at x; after the last one the vehicle rests in the frame."""
-    frame = vector(plan["frame"])
-    if plan["segments_left"] > 0:
-        write_flat(plan["begin"], x)
-        write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
-    else:
-        plan["periods"] = 1
-        write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
-        write3(plan["snap"], NOTHING)
-    plan["periods_left"] = plan["periods"]
-
-
-@inline_kernel
-def elapsed(plan, period):
-    """For how long the present segment has been flown."""
-    return (plan["periods"] - plan["periods_left"]) * period
-
-
-@kernel
-def reference(plan, period):
-    """Where the stored stop has the vehicle now."""
-    return flown(flat_of(plan["begin"]), vector(plan["snap"]), elapsed(plan, period))
-
-
-@kernel
-def advance_stop(plan, period):
-    """Move the stored stop on by one period."""
-    plan["periods_left"] -= 1
-    if plan["periods_left"] == 0:
-        x = reference(plan, period)
-        plan["segments_left"] = max(0, plan["segments_left"] - 1)
-        begin_segment(plan, x, period)
-
-
-@kernel
-def feedback(plan, x, period, gains):
-    """Snap that brings the vehicle back onto the stored stop."""
-    ref = reference(plan, period)
-    u = combined(scale(gains[0], subtract(ref.r, x.r)), gains[1], subtract(ref.v, x.v))
-    u = combined(u, gains[2], subtract(ref.a, x.a))
-    return combined(u, gains[3], subtract(ref.j, x.j))
-
-
-@kernel
-def tracking_snap(plan, x, period, gains, snap_max):
-    """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
-    return within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), snap_max)
 
 
 @kernel

@@ -7,21 +7,20 @@ limits of jerk and thrust ask for half-spaces too, and no snap is longer than th
 
 import math
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.authority import Authority, checked_authority
 from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import norm, scale, subtract
 from shields.arcs import Flat, Spheres, ThrustBand, combined
+from shields.bounds import Bounds, bounds_of
 from shields.certificate import (
     ACCEPTED,
     ASTRAY,
-    PLAN,
     STOPPED,
     UNCERTIFIED,
     Distances,
@@ -29,8 +28,6 @@ from shields.certificate import (
     accept_at_once,
     certified_snap,
     one_vehicle,
-    reference,
-    within_ball,
 )
 from shields.filtered import (
     BAD_SHAPES,
@@ -56,25 +53,15 @@ from shields.filtered import (
 from shields.halfspace import Sampling
 from shields.nearest import SLACK, JointSettings, choose_directions, nearest_snap
 from shields.radial import triple, vector
+from shields.stored_stop import PLAN, reference, within_ball
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
 # only; at 8 1/s that carried vehicles off their stops at 20 Hz, and from there into the sphere.
 TRACKING_POLE = 30.0
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
-# Of an authority, what no certified stop counts on: the feedback's, and the error's of the inner loop.
-RESERVED = 0.05
 SETTINGS = 18
 PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
-
-
-class Bounds(NamedTuple):
-    """ū, U_max, the limits of a certified flight, and the authority of the half-spaces, None without."""
-
-    u_max: float
-    input_max: float
-    limits: FlightLimits
-    authority: Authority | None
 
 
 @kernel
@@ -287,16 +274,3 @@ def packed(
     return np.array(
         [*sampling, *limits, *band, settings["margin"], *gains, *held_gains(3, BRAKING_POLE, period)]
     )
-
-
-def bounds_of(settings: Mapping[str, Any]) -> Bounds:
-    """What half-spaces and stops count on: free numbers, or the authority less what is reserved."""
-    if settings["authority"] is None:
-        u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
-        band = ThrustBand(settings["thrust_min"], math.inf, settings["gravity"])
-        return Bounds(u_max, input_max, FlightLimits(math.inf, input_max, math.inf, band), None)
-    whole = checked_authority("authority", settings["authority"])
-    kept = whole.less(RESERVED)
-    band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
-    limits = FlightLimits(whole.snap_max, kept.snap_max, kept.jerk_max, band)
-    return Bounds(kept.snap_max, whole.snap_max, limits, kept)

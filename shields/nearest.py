@@ -11,11 +11,12 @@ import numpy as np
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.vec3 import dot, norm, subtract
 from shields.arcs import Flat, combined, write3
-from shields.certificate import NOTHING, FlightLimits, within_ball
+from shields.certificate import FlightLimits
 from shields.filtered import OBSTACLE, RESERVE, VALUE
 from shields.halfspace import Demand, Sampling, closing_along, demand_along, distance_demand, excess
 from shields.projection import project
 from shields.radial import line_of_sight, triple, vector
+from shields.stored_stop import NOTHING, within_ball
 from shields.within import LIMITS, limit_demand
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.

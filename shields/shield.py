@@ -2,24 +2,20 @@
 
 import math
 from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.checks import finite_array, one_of, positive_number, shaped_array
+from quadsafe_core.checks import one_of, positive_number
 from quadsafe_core.jit import compiling
+from shields.arguments import as_array, measurement_error, shape_error, size_of, velocity_rows
 from shields.cbf import CbfMethod
 from shields.filtered import (
-    BAD_MEASUREMENT,
     BAD_SHAPES,
-    CROWDED,
     DONE,
     FACTS,
-    LARGEST,
-    MOVING,
     Filtered,
     Kernels,
 )
@@ -27,8 +23,6 @@ from shields.joint import SampledMethod
 from shields.settings import checked_settings
 from shields.tubed import TubedMethod
 from shields.uncertainty import Uncertainty
-
-OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
 
 class Method(Protocol):
@@ -196,18 +190,18 @@ class Shield:
         return self._filter_checked(flat, center, radius, snap, period, velocity)
 
     def _filter_checked(self, flat, center, radius, snap, period, velocity) -> Filtered:
-        flats, centers, radii, snaps = map(_as_array, (flat, center, radius, snap))
+        flats, centers, radii, snaps = map(as_array, (flat, center, radius, snap))
         is_single = flats.ndim == 2
-        size = _size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
+        size = size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
         if size is None:
-            raise _shape_error(flat, center, radius, snap)
+            raise shape_error(flat, center, radius, snap)
         self._begin(size, is_single, positive_number("period", period))
-        moving = None if velocity is None else _velocity_rows(velocity, (*size, 3))
+        moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
         out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
             code = self._kernel(flats, centers, radii, snaps, moving, *self._own, out)
         if code != DONE:
-            raise _error(code, flats, centers, radii, moving)
+            raise measurement_error(code, flats, centers, radii, moving)
         return Filtered(out, self._leading)
 
     def _begin(self, size: tuple[int, int], is_single: bool, period: float) -> None:
@@ -309,58 +303,3 @@ class Shield:
                 f"snapshot must have memory of {memory.shape} {memory.dtype}, got {found.shape} {found.dtype}"
             )
         memory[:] = found
-
-
-def _as_array(value: ArrayLike) -> NDArray[np.float64]:
-    """C-ordered float64; what is not a number becomes an empty array, which no shape accepts."""
-    try:
-        array = np.asarray(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        return np.empty(0)
-    # A read-only array is another type to a kernel.
-    return array if array.flags.writeable else array.copy()
-
-
-def _size_of(flat, center, radius, snap) -> tuple[int, int] | None:
-    """(N, K) if the shapes of a batch agree."""
-    if radius.ndim != 2:
-        return None
-    n, k = radius.shape
-    agrees = flat.shape == (n, 4, 3) and center.shape == (n, k, 3) and snap.shape == (n, 3)
-    return (n, k) if agrees and n > 0 else None
-
-
-def _shape_error(*values: ArrayLike) -> ValueError:
-    """The sentence for shapes that do not agree; raises by itself if one is wrong on its own."""
-    arrays = [shaped_array(name, value, OWN_AXES[name]) for name, value in zip(OWN_AXES, values, strict=True)]
-    found = ", ".join(f"{name} {x.shape}" for name, x in zip(OWN_AXES, arrays, strict=True))
-    return ValueError(
-        f"flat (N, 4, 3), center (N, K, 3), radius (N, K), snap (N, 3) must agree in N and K, got {found}"
-    )
-
-
-def _error(code: int, flat, center, radius, velocity) -> ValueError:
-    """The sentence for rows that a method does not take."""
-    measured = {"flat": flat, "center": center, "radius": radius, "velocity": velocity}
-    found = {name: array for name, array in measured.items() if array is not None}
-    if code == BAD_MEASUREMENT:
-        for name, array in found.items():
-            finite_array(name, array)
-        return ValueError(f"radius must be >= 0, got {radius.min()}")
-    if code == MOVING:
-        return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
-    if code == CROWDED:
-        most = np.count_nonzero(radius, axis=-1).max()
-        return ValueError(
-            f"method 'cbf' takes one obstacle, got {most} with radius > 0; several need method 'sampled'"
-        )
-    name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= LARGEST), "flat")
-    most = abs(found[name]).max()
-    return ValueError(f"{name} must be small enough for float64 arithmetic, got up to {most:g}")
-
-
-def _velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    rows = _as_array(velocity)
-    if rows.size != math.prod(shape) or rows.shape[-2:] != shape[-2:]:
-        raise ValueError(f"velocity must have the shape of center, got {np.shape(velocity)}")
-    return rows.reshape(shape)

@@ -15,21 +15,12 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.arcs import Flat, combined, flat_of, flown, write3, write_flat
-from shields.certificate import PLAN, advance_stop, tracking_snap, within_ball
+from shields.bounds import Bounds, bounds_of
 from shields.filtered import BAD_SHAPES, DONE, FACTS, FLOATS, Kernels, braking, checked_rows, velocities_or
-from shields.joint import (
-    PLAN_BYTES,
-    PLANS,
-    SETTINGS,
-    Bounds,
-    SampledMethod,
-    bounds_of,
-    joint_row,
-    places,
-    unpacked,
-)
+from shields.joint import PLAN_BYTES, PLANS, SETTINGS, SampledMethod, joint_row, places, unpacked
 from shields.nearest import Width
 from shields.radial import triple, vector
+from shields.stored_stop import PLAN, advance_stop, tracking_snap, within_ball
 from shields.uncertainty import Tube, checked_uncertainty, tightened, tube_of
 
 FLAT_BYTES, POINT_BYTES, NUMBER_BYTES = 96, 24, 8

@@ -14,11 +14,11 @@ from quadsafe_core.authority import Authority, acceleration_along
 from quadsafe_core.feedback import held_gains
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.arcs import Flat, flown
+from shields.bounds import RESERVED
 from shields.braking import BrakingSet
 from shields.braking_held import sampled_braking_input
 from shields.filtered import BRAKING_POLE
 from shields.halfspace import Sampling, demand_along
-from shields.joint import RESERVED
 from shields.within import limit_demand
 
 LIMITS = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20.0, gravity=9.81)

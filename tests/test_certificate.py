@@ -14,8 +14,6 @@ from shields.certificate import (
     ASTRAY,
     BLENDED,
     BLENDS,
-    LENGTHS,
-    PLAN,
     SEGMENTS,
     STOPPED,
     UNCERTIFIED,
@@ -24,20 +22,24 @@ from shields.certificate import (
     accept,
     accept_at_once,
     adopt_stop,
-    advance_stop,
     certified_snap,
     clear_length,
-    dead_beat_snap,
-    feedback,
     length_clear_at_once,
     look_at_stored_stop,
     one_vehicle,
-    periods_of,
-    reference,
     stop_is_clear,
-    write_stop,
 )
 from shields.hull import is_clear_at_once
+from shields.stored_stop import (
+    LENGTHS,
+    PLAN,
+    advance_stop,
+    dead_beat_snap,
+    feedback,
+    periods_of,
+    reference,
+    write_stop,
+)
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))

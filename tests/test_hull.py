@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shields.arcs import Flat, ThrustBand, acceleration_points, flown, position_points
-from shields.certificate import NOTHING, FlightLimits, dead_beat_snap
+from shields.certificate import FlightLimits
 from shields.hull import (
     ACCELERATION,
     JERK,
@@ -23,6 +23,7 @@ from shields.hull import (
     scaled,
     spheres_are_clear,
 )
+from shields.stored_stop import NOTHING, dead_beat_snap
 
 GRAVITY, PERIOD = 9.81, 0.02
 SEEDS = st.integers(0, 2**32 - 1)

@@ -9,7 +9,8 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.feedback import held_gains
 from shields import Shield
 from shields.arcs import Flat, ThrustBand
-from shields.certificate import ACCEPTED, ASTRAY, BLENDED, PLAN, STOPPED, UNCERTIFIED, FlightLimits, write_stop
+from shields.bounds import RESERVED, bounds_of
+from shields.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits
 from shields.filtered import (
     BRAKING_POLE,
     FACTS,
@@ -24,7 +25,6 @@ from shields.filtered import (
 )
 from shields.halfspace import Demand, excess
 from shields.joint import (
-    RESERVED,
     SETTINGS,
     TRACKING_POLE,
     around,
@@ -37,6 +37,7 @@ from shields.joint import (
 )
 from shields.nearest import (
     LIMITS,
+    Width,
     choose_directions,
     cut_as_chosen,
     enter,
@@ -46,6 +47,7 @@ from shields.nearest import (
     shortened,
 )
 from shields.sampled import sampled_input
+from shields.stored_stop import PLAN, write_stop
 from shields.within import limit_demand
 
 PERIOD, GRAVITY = 0.02, 9.81
@@ -56,9 +58,10 @@ VEHICLE = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20
 def settings_of(**given):
     """The settings of a shield as its kernels see them."""
     shield = Shield(**given)
-    numbers, authority = packed(shield.settings, PERIOD)
-    speed = given.get("max_closing_speed")
-    return unpacked(numbers, None if speed is None else (-speed, -math.inf, -math.inf), authority)
+    bounds, gains = bounds_of(shield.settings), held_gains(4, TRACKING_POLE, PERIOD)
+    numbers, speed = packed(shield.settings, PERIOD, bounds, gains), given.get("max_closing_speed")
+    closing = None if speed is None else (-speed, -math.inf, -math.inf)
+    return unpacked(numbers, closing, bounds.authority, None)
 
 
 def spheres_at(*rows):
@@ -109,7 +112,7 @@ def test_stops_keep_their_distance_but_where_the_vehicle_is_nearer():
     write_stop(plan, HOVER, (0.0, 0.0, 0.0), 0, PERIOD)
     x = HOVER._replace(r=(0.0, 0.01, 0.0))  # 1 cm off the stop
     spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
-    ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD)
+    ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, None)
     # Half of the margin, or where the vehicle is; the radius and twice what it is off, or where the stop is.
     assert ahead.keep_out == pytest.approx([1.05, 1.005, 0.0], abs=1e-11)
     assert stored.keep_out == pytest.approx([1.02, 1.015, 0.0], abs=2e-9)
@@ -120,15 +123,29 @@ def test_stops_keep_their_distance_but_where_the_vehicle_is_nearer():
 
 
 @pytest.mark.interpreted
+def test_in_a_tube_every_distance_is_kept_and_only_more_than_errors_counts_as_off():
+    plan = np.zeros(1, dtype=PLAN)[0]
+    write_stop(plan, HOVER, (0.0, 0.0, 0.0), 0, PERIOD)
+    x = HOVER._replace(r=(0.0, 0.05, 0.0))
+    spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
+    for estimate, off in ((0.06, 0.0), (0.02, 0.06)):
+        ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, Width(0.01, estimate))
+        assert ahead.keep_out == pytest.approx([1.05, 1.05, 0.0], abs=1e-12)
+        assert stored.keep_out == pytest.approx([1.0 + off, 1.0 + off, 0.0], abs=2e-9)
+        assert bare.keep_out == pytest.approx([0.99, 0.99, 0.0], abs=1e-12)
+
+
+@pytest.mark.interpreted
 def test_what_a_flight_begins_outside_of_may_get_no_worse():
     limits = FlightLimits(380.0, 360.0, 40.0, ThrustBand(5.0, 19.0, GRAVITY))
-    assert limits_at(HOVER, limits) == limits
+    assert limits_at(HOVER, limits, None) == limits
     x = HOVER._replace(a=(0.0, 0.0, 12.0), j=(30.0, 40.0, 0.0))
-    found = limits_at(x, limits)
+    found = limits_at(x, limits, None)
+    assert limits_at(x, limits, Width(0.0, 0.0)) == limits
     assert found.jerk_max == pytest.approx(50.0, rel=1e-11) and found.jerk_max > 50.0
     assert found.band.most == pytest.approx(21.81, rel=1e-11) and found.band.most > 21.81
     assert found.band.least == 5.0 and found[:2] == (380.0, 360.0)
-    sinking = limits_at(HOVER._replace(a=(0.0, 0.0, -7.0)), limits).band
+    sinking = limits_at(HOVER._replace(a=(0.0, 0.0, -7.0)), limits, None).band
     assert sinking.least == pytest.approx(2.81, rel=1e-11) and sinking.least < 2.81 and sinking.most == 19.0
 
 

@@ -1,0 +1,34 @@
+"""What half-spaces and stops count on: free numbers, or what an authority leaves."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from quadsafe_core.authority import Authority, checked_authority
+from shields.arcs import ThrustBand
+from shields.certificate import FlightLimits
+
+# Of an authority, what no certified stop counts on: the feedback's, and the error's of the inner loop.
+RESERVED = 0.05
+
+
+class Bounds(NamedTuple):
+    """ū, U_max, the limits of a certified flight, and the authority of the half-spaces, None without."""
+
+    u_max: float
+    input_max: float
+    limits: FlightLimits
+    authority: Authority | None
+
+
+def bounds_of(settings: Mapping[str, Any]) -> Bounds:
+    """What half-spaces and stops count on: free numbers, or the authority less what is reserved."""
+    if settings["authority"] is None:
+        u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
+        band = ThrustBand(settings["thrust_min"], math.inf, settings["gravity"])
+        return Bounds(u_max, input_max, FlightLimits(math.inf, input_max, math.inf, band), None)
+    whole = checked_authority("authority", settings["authority"])
+    kept = whole.less(RESERVED)
+    band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
+    limits = FlightLimits(whole.snap_max, kept.snap_max, kept.jerk_max, band)
+    return Bounds(kept.snap_max, whole.snap_max, limits, kept)
