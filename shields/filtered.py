@@ -193,7 +193,8 @@ def is_usable(i, flat, center, radius, velocity, largest):
 @inline_kernel
 def is_below(x, largest):
     """Whether all three entries are smaller than the largest; NaN is not."""
-    return abs(x[0]) < largest and abs(x[1]) < largest and abs(x[2]) < largest
+    # Without the JIT a float32 would cut the largest down to its own range.
+    return abs(float(x[0])) < largest and abs(float(x[1])) < largest and abs(float(x[2])) < largest
 
 
 @inline_kernel
