@@ -185,7 +185,7 @@ def is_usable(i, flat, center, radius, velocity, largest):
     for k in range(radius.shape[1]):
         if not (is_below(triple(center, i, k), largest) and is_below(triple(velocity, i, k), largest)):
             return False
-        if not 0.0 <= radius[i, k] < largest:
+        if not 0.0 <= float(radius[i, k]) < largest:
             return False
     return True
 
