@@ -5,6 +5,7 @@ callee in another file and the caller keeps the old code. So the cache lives in 
 of all kernel sources; any edit starts a new one.
 """
 
+import gc
 import hashlib
 import os
 import tempfile
@@ -132,6 +133,16 @@ class _Kernel(CPUDispatcher):
         callee = _njit(self.py_func, pipeline_class=_IntoCallers, no_cpython_wrapper=True, **inlined)
         callee.__class__ = _Callee
         return callee
+
+    def compile(self, sig):
+        """Compile for these types, and do not search for garbage, which takes a twentieth of the time."""
+        if not gc.isenabled():
+            return super().compile(sig)
+        gc.disable()
+        try:
+            return super().compile(sig)
+        finally:
+            gc.enable()
 
     def get_call_template(self, args, kws):
         """How another kernel calls this one."""

@@ -1,5 +1,6 @@
 """Compiled kernels: an edit anywhere in a room or on the floor counts, and any folder may be read-only."""
 
+import gc
 import os
 import shutil
 import subprocess
@@ -168,3 +169,17 @@ def test_kernels_run_without_any_cache(monkeypatch):
 def test_no_folder_at_all_means_no_cache(tmp_path, writable):
     mini_house(tmp_path)
     assert jit.cache_folder(tmp_path, "shields") is None
+
+
+def test_the_garbage_collector_rests_while_a_kernel_is_compiled_and_is_left_as_it_was(monkeypatch):
+    seen = []
+    probe = jit.kernel(lambda x: x)
+    monkeypatch.setattr(jit.CPUDispatcher, "compile", lambda self, sig: seen.append(gc.isenabled()))
+    for is_enabled in (True, False):
+        (gc.enable if is_enabled else gc.disable)()
+        try:
+            probe.compile(())
+            assert gc.isenabled() == is_enabled
+        finally:
+            gc.enable()
+    assert seen == [False, False]
