@@ -39,6 +39,8 @@ MOST_TAKEN = 0.5
 DECAYED, ROUNDING = 1e-9, 1e-7
 # They are taken over so many periods at a time.
 CHUNK = 256
+# Periods for which that takes less than a second, and for which a feedback has any use, s.
+SHORTEST, LONGEST = 1e-4, 10.0
 MOST_DELAY = 100
 
 
@@ -215,8 +217,13 @@ def tube_of(uncertainty: Uncertainty, period: float, limits: FlightLimits) -> Tu
         ``Tube``.
 
     Raises:
-        ValueError: if the errors take more than half of what the vehicle has, whatever the feedback.
+        ValueError: if the errors take more than half of what the vehicle has, whatever the feedback, or for a
+            period out of range.
     """
+    if not SHORTEST <= period <= LONGEST:
+        raise ValueError(
+            f"period must be from {SHORTEST:g} to {LONGEST:g} s where errors are declared, got {period:g}"
+        )
     error, added = predicted_error(uncertainty, period, limits.snap_max)
     tubes = [tube_at(pole, error, added, period) for pole in POLES]
     shares = [share_taken(tube, limits) for tube in tubes]

@@ -171,6 +171,7 @@ def test_no_folder_at_all_means_no_cache(tmp_path, writable):
     assert jit.cache_folder(tmp_path, "shields") is None
 
 
+@needs_compiler
 def test_the_garbage_collector_rests_while_a_kernel_is_compiled_and_is_left_as_it_was(monkeypatch):
     seen = []
     probe = jit.kernel(lambda x: x)
