@@ -1,5 +1,6 @@
 """What a shield did to N plants since their policy step began."""
 
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -7,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.borrow import carved
+from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import kernel
 from shields.filtered import (
+    BRAKING_POLE,
     CORRECTION,
     FACTS,
     FLOATS,
@@ -68,11 +71,29 @@ def count_batch(desired, answer, is_first, snaps, numbers, counts, flags):
         flags[4, i] |= facts[i, IS_FALLBACK] != 0.0
 
 
+def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
+    """What is flown where a shield has no answer: every row brakes, nothing is claimed, ``value`` is −inf."""
+    n = len(flat)
+    gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros((3 + FACTS) * n)
+    answer = Filtered(numbers, (n,))
+    snaps = -np.einsum("o,noi->ni", gains, flat[:, 1:])
+    answer.snap[:] = np.where(np.isfinite(snaps), snaps, 0.0)
+    facts = answer.facts
+    facts[:, CORRECTION] = np.linalg.norm(np.where(np.isfinite(snap), answer.snap - snap, 0.0), axis=1)
+    facts[:, VALUE], facts[:, OBSTACLE], facts[:, IS_FALLBACK] = -np.inf, -1.0, 1.0
+    facts[:, INTERVENED] = (answer.snap != snap).any(axis=1)
+    return answer
+
+
 class Recorder:
-    """A shield in the slot, and what it did over the policy step."""
+    """A shield in the slot, and what it did over the policy step.
+
+    An exception of a shield that has answered before loses no episode: every row brakes for that period, as a
+    fallback, with a warning. Its first call may raise: then something is wrong with how it was set up.
+    """
 
     def __init__(self, shield: Shield, rows: int):
-        self.shield, self._periods = shield, 0
+        self.shield, self._periods, self._has_answered = shield, 0, False
         self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
         self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((5, rows), dtype=np.bool_)
 
@@ -82,7 +103,15 @@ class Recorder:
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
-        answer, is_first = self.shield.filter(flat, center, radius, snap, period), self._periods == 0
+        try:
+            answer = self.shield.filter(flat, center, radius, snap, period)
+            self._has_answered = True
+        except Exception as error:
+            if not self._has_answered:
+                raise
+            warnings.warn(f"the shield raised {error!r}: every row brakes", RuntimeWarning, stacklevel=2)
+            answer = braking_answer(flat, snap, period)
+        is_first = self._periods == 0
         count_batch(snap, answer.numbers, is_first, self._snaps, self._numbers, self._counts, self._flags)
         self._periods += 1
         return answer

@@ -362,6 +362,41 @@ def test_a_broken_filter_in_the_slot_is_named_and_the_next_episode_is_clean(answ
     np.testing.assert_array_equal(env.step(actions)[0], fresh.step(actions)[0])
 
 
+@pytest.mark.parametrize("n", [1, 4])
+def test_a_shield_that_raises_loses_no_episode(n, monkeypatch):
+    def raises(*_, **__):
+        raise FloatingPointError("out of luck")
+
+    env = VectorShieldWrapper(gymnasium.make_vec(NAME, n, terminate_on_violation=False))
+    env.reset(seed=0)
+    actions = np.full((n, 4), 0.5, dtype=np.float32)
+    for _ in range(10):
+        env.step(actions)
+    speed = np.linalg.norm(env.unwrapped.state[:, 3:6], axis=1)
+    with monkeypatch.context() as broken:
+        broken.setattr(env.shield, "filter", raises)
+        for _ in range(60):
+            with pytest.warns(RuntimeWarning, match="the shield raised .*out of luck.*every row brakes"):
+                observations, rewards, terminated, _, info = env.step(actions)
+            told = info["shield"]
+            assert np.isfinite(observations).all() and np.isfinite(rewards).all() and not terminated.any()
+            assert np.isfinite(told["snap_applied"]).all() and np.isfinite(told["correction"]).all()
+            assert told["fallback"].all() and (told["fallbacks"] == 4).all() and told["intervened"].all()
+            assert not told["certified"].any() and not told["in_set"].any()
+            assert (told["value"] == -np.inf).all()
+    assert (np.linalg.norm(env.unwrapped.state[:, 3:6], axis=1) < 0.5 * speed).all()
+    # It goes on, and in the next episode what went wrong is over.
+    env.step(actions)
+    env.reset(seed=2)
+    assert all(env.step(actions)[4]["shield"]["certified"].all() for _ in range(3))
+    # At its first call something is wrong with its settings.
+    env.reset(seed=1)
+    fresh = VectorShieldWrapper(gymnasium.make_vec("quadsafe_env:QuadSafe/Forest-v0", n), method="cbf")
+    fresh.reset(seed=0)
+    with pytest.raises(ValueError, match="method 'cbf' takes one obstacle"):
+        fresh.step(actions)
+
+
 @pytest.mark.parametrize("bad", [*BAD, 1e300])
 def test_a_filter_that_answers_no_numbers_crashes_its_row_and_no_other(bad):
     def answers(snap):
