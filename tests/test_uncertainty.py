@@ -91,14 +91,15 @@ def test_no_error_within_the_bounds_leaves_the_tube_and_the_worst_reach_its_side
     paths = deviations(tube, period, errors[..., :4], errors[..., 4], errors[..., 5])
     largest = np.max([np.abs(path).max(axis=(0, 1)) for path in paths], axis=0)
     assert (largest <= tube.deviation * (1 + 1e-9)).all()
-    # The worst signs for the position at the end: what each error alone, in one period alone, does to it.
+    # The worst signs, for every derivative: what each error of each period does alone to the last period.
     alone = np.zeros((steps, steps, 6, 6))
     alone[np.arange(steps), np.arange(steps)] = np.eye(6)
     alone = alone.reshape(steps, 6 * steps, 6)
     *_, last = deviations(tube, period, alone[..., :4], alone[..., 4], alone[..., 5])
-    reached = np.abs(last[-1, :, 0]).reshape(steps, 6).sum(axis=0) @ sizes
-    # The sides are those of control points, and count what the last period adds twice.
-    assert 0.7 * tube.deviation[0] <= reached <= tube.deviation[0] * (1 + 1e-9)
+    reached = np.einsum("lmek,e->lk", np.abs(last).reshape(-1, steps, 6, 4), sizes).max(axis=0)
+    assert (reached <= tube.deviation * (1 + 1e-9)).all()
+    # The sides are those of control points, and of a push that may change within a period.
+    assert reached[0] >= 0.99 * tube.deviation[0] and (reached >= 0.7 * tube.deviation).all()
 
 
 @pytest.mark.interpreted
@@ -166,6 +167,7 @@ def test_within_an_authority_the_vehicle_keeps_to_it_despite_the_errors():
         assert np.linalg.norm(x[:, 0], axis=1).min() >= 0.5
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("delay", [1, 3])
 def test_with_a_delay_the_answer_is_that_for_the_state_at_which_it_is_flown(delay):
     rng, period = np.random.default_rng(5), 0.05
@@ -196,6 +198,7 @@ def test_with_a_delay_the_answer_is_that_for_the_state_at_which_it_is_flown(dela
     assert now.certified.all() and np.linalg.norm(x[:, 0], axis=1).max() < 5.0
 
 
+@pytest.mark.interpreted
 def test_lost_for_good_the_vehicle_stops_and_rests():
     shield, period = Shield(uncertainty={"losses": True}), 0.02
     x, center, radius = np.zeros((4, 3)), np.array([[1.5, 0.0, 0.0]]), np.array([0.5])
@@ -232,6 +235,7 @@ def test_with_a_gain_no_backup_is_longer_than_the_snap_that_its_bound_counts_on(
     assert np.linalg.norm(shield.backup(np.True_)) <= 600.0 * (1 + 1e-12)
 
 
+@pytest.mark.interpreted
 def test_losses_of_one_row_do_not_touch_another():
     shields = [Shield(uncertainty={"losses": True}) for _ in range(2)]
     x = np.zeros((2, 4, 3))
@@ -249,6 +253,7 @@ def test_losses_of_one_row_do_not_touch_another():
     assert both.certified.all()
 
 
+@pytest.mark.interpreted
 def test_a_vehicle_that_was_told_nothing_yet_rests_or_brakes():
     shield = Shield(uncertainty={"losses": True, "delay": 2})
     shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.full(3, 50.0), 0.02)
@@ -263,6 +268,7 @@ def test_a_vehicle_that_was_told_nothing_yet_rests_or_brakes():
     assert np.linalg.norm(x[1]) < 0.01
 
 
+@pytest.mark.interpreted
 def test_a_second_backup_in_a_period_is_the_same():
     once, twice = Shield(uncertainty=ALL), Shield(uncertainty=ALL)
     x, center, radius = np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5])
@@ -276,6 +282,7 @@ def test_a_second_backup_in_a_period_is_the_same():
     np.testing.assert_array_equal(once.snapshot()["memory"], twice.snapshot()["memory"])
 
 
+@pytest.mark.interpreted
 def test_reset_forgets_what_was_on_its_way():
     args = (np.zeros((2, 4, 3)), np.full((2, 1, 3), 2.0), np.full((2, 1), 0.5), np.full((2, 3), 50.0), 0.02)
     shield, fresh = Shield(uncertainty=ALL), Shield(uncertainty=ALL)
@@ -291,6 +298,7 @@ def test_reset_forgets_what_was_on_its_way():
     np.testing.assert_array_equal(other.filter(*args).numbers, shield.filter(*args).numbers)
 
 
+@pytest.mark.interpreted
 def test_errors_far_beyond_the_bounds_end_the_certificate_and_nothing_else():
     shield, rng = Shield(uncertainty=KINDS["estimate"]), np.random.default_rng(6)
     center, radius, certified = np.zeros((1, 3)), np.array([0.5]), []
@@ -304,6 +312,7 @@ def test_errors_far_beyond_the_bounds_end_the_certificate_and_nothing_else():
     assert not all(certified)
 
 
+@pytest.mark.interpreted
 def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
     shield, period = Shield(uncertainty=KINDS["estimate"]), 0.02
     x, center, radius, certified = np.zeros((4, 3)), np.zeros((1, 3)), np.array([0.5]), []
@@ -325,6 +334,7 @@ def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
         ({"wind": np.nan}, "uncertainty.wind must be"),
         ({"delay": 1.5}, "uncertainty.delay must be a whole number from 0 to 100, got 1.5"),
         ({"delay": True}, "uncertainty.delay must be a whole number"),
+        ({"delay": 101}, "uncertainty.delay must be a whole number from 0 to 100, got 101"),
         ({"losses": 1}, "uncertainty.losses must be True or False, got 1"),
         ({"noise": 1.0}, "uncertainty must be an Uncertainty or a mapping of position, velocity"),
         (0.1, "uncertainty must be an Uncertainty or a mapping"),
@@ -336,6 +346,7 @@ def test_a_bad_bound_gets_one_sentence(given, sentence):
     assert str(raised.value).startswith(sentence)
 
 
+@pytest.mark.interpreted
 def test_more_than_half_of_the_vehicle_is_refused():
     for bound in ({"jerk": 500.0}, {"position": 1e308}):
         shield = Shield(uncertainty=bound)
@@ -420,6 +431,7 @@ def test_in_the_rigid_body_conditions_within_the_bounds_find_nothing():
     assert collisions(None)[0] > 100
 
 
+@pytest.mark.interpreted
 def test_backup_is_only_for_a_shield_that_counts_on_losses():
     with pytest.raises(ValueError, match=r"uncertainty\.losses must be True"):
         Shield().backup(np.True_)
