@@ -3,7 +3,8 @@
     python benchmarks/mutation.py                          the first 300 mutants, into docs/data/mutation.csv
     python benchmarks/mutation.py --skip 300 --count 150   the next ones: a fresh sample
     python benchmarks/mutation.py --again                  the survivors once more
-    python benchmarks/mutation.py --table                  the tables of docs/mutation.md from the CSV
+    python benchmarks/mutation.py --out docs/data/mutation_later.csv    a sample of other sources
+    python benchmarks/mutation.py --table                  the tables of docs/mutation.md from both CSV files
 
 All mutants (benchmarks/mutants.py) are put in one random order. Each changes one place of a copy of the tree;
 then the interpreted tests that execute its lines run until the first fails. A run that was cut off goes on
@@ -27,6 +28,8 @@ from safety_campaign.results import ROOT
 from safety_campaign.tables import filled, markdown
 
 CSV, PAGE = ROOT / "docs/data/mutation.csv", ROOT / "docs/mutation.md"
+# A fresh sample of later sources, in an order of their own.
+LATER = ROOT / "docs/data/mutation_later.csv"
 EQUIVALENTS = ROOT / "benchmarks/mutation_equivalents.yml"
 COLUMNS = ["draw", "file", "line", "was", "becomes", "status", "test"]
 SEED = 0  # of the order of all mutants
@@ -96,9 +99,9 @@ def rows_of(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def run(mutants: dict[int, Mutant], again: bool) -> None:
-    """Run the mutants that have no row yet, and with ``again`` those that survived."""
-    rows = {int(row["draw"]): row for row in rows_of(CSV)}
+def run(mutants: dict[int, Mutant], again: bool, path: Path) -> None:
+    """Run the mutants that have no row in the CSV yet, and with ``again`` those that survived."""
+    rows = {int(row["draw"]): row for row in rows_of(path)}
     told = {draw: mutant.told((ROOT / mutant.file).read_text("utf-8")) for draw, mutant in mutants.items()}
     fresh = {d for d in told if d not in rows or any(rows[d][name] != text for name, text in told[d].items())}
     todo = fresh | {d for d in told if again and d in rows and rows[d]["status"] in ("survived", "not covered")}
@@ -112,7 +115,7 @@ def run(mutants: dict[int, Mutant], again: bool) -> None:
             status, test = verdict(tree, mutant, sorted(chosen))
             rows[draw] = {"draw": str(draw), **told[draw], "status": status, "test": test}
             print(draw, mutant.file, mutant.start[0], status, test, flush=True)
-            with CSV.open("w", encoding="utf-8", newline="") as file:
+            with path.open("w", encoding="utf-8", newline="") as file:
                 writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
                 writer.writeheader()
                 writer.writerows(rows[d] for d in sorted(rows))
@@ -128,13 +131,20 @@ def lives(row: dict[str, str]) -> bool:
     return row["status"] in ("survived", "not covered")
 
 
-def scores(rows: list[dict[str, str]]) -> str:
-    """Both samples: counts, and the share that the tests noticed, of all and of those that they can."""
+def samples() -> dict[str, list[dict[str, str]]]:
+    """The results, by sample."""
+    first = rows_of(CSV)
+    return {
+        f"the {SAMPLE} that the tests were written for": [r for r in first if int(r["draw"]) < SAMPLE],
+        "drawn afterwards": [r for r in first if int(r["draw"]) >= SAMPLE],
+        "drawn of the later sources": rows_of(LATER),
+    }
+
+
+def scores(parts: dict[str, list[dict[str, str]]]) -> str:
+    """Every sample: counts, and the share that the tests noticed, of all and of those that they can."""
     body = []
-    for name, part in (
-        (f"the {SAMPLE} that the tests were written for", [r for r in rows if int(r["draw"]) < SAMPLE]),
-        ("drawn afterwards", [r for r in rows if int(r["draw"]) >= SAMPLE]),
-    ):
+    for name, part in parts.items():
         alive = [row for row in part if lives(row)]
         same = sum(map(is_equivalent, alive))
         counts = [
@@ -150,9 +160,9 @@ def scores(rows: list[dict[str, str]]) -> str:
     return markdown((header + "killed of the others").split(", "), body)
 
 
-def survivors(rows: list[dict[str, str]]) -> str:
+def survivors(parts: dict[str, list[dict[str, str]]]) -> str:
     """The mutants that live and are not known to be equivalent."""
-    alive = [row for row in rows if lives(row) and not is_equivalent(row)]
+    alive = [row for part in parts.values() for row in part if lives(row) and not is_equivalent(row)]
     body = [
         [f"`{r['file']}`", r["line"], *(f"`{r[k]}`".replace("|", "\\|") for k in ("was", "becomes"))]
         for r in alive
@@ -164,18 +174,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Count the small faults of shields/ that the tests notice.")
     parser.add_argument("--skip", type=int, default=0, help="mutants of that order to pass over")
     parser.add_argument("--count", type=int, default=SAMPLE, help="mutants to run")
+    parser.add_argument("--out", type=Path, default=CSV, help="the results")
     parser.add_argument("--again", action="store_true", help="also run survivors again")
     parser.add_argument("--table", action="store_true", help="fill in the tables from the CSV, run nothing")
     options = parser.parse_args()
     if not options.table:
         order = dict(enumerate(shuffled_mutants(ROOT / "shields", SEED)))
-        run({d: order[d] for d in range(options.skip, options.skip + options.count)}, options.again)
-    rows = rows_of(CSV)
-    PAGE.write_text(
-        filled(PAGE.read_text(encoding="utf-8"), rows, {"scores": scores, "survivors": survivors}),
-        encoding="utf-8",
-    )
-    print(scores(rows))
+        run(
+            {d: order[d] for d in range(options.skip, options.skip + options.count)}, options.again, options.out
+        )
+    parts = samples()
+    tables = {"scores": lambda _: scores(parts), "survivors": lambda _: survivors(parts)}
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), [], tables), encoding="utf-8")
+    print(scores(parts))
 
 
 if __name__ == "__main__":

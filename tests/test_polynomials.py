@@ -173,3 +173,11 @@ def test_powers_of_two_reach_beyond_one_float():
 @pytest.mark.interpreted
 def test_evaluation_gives_value_slope_and_size():
     assert evaluate((2.0, -3.0, 1.0), -2.0) == (15.0, -11.0, 15.0)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("scale", [1e200, 1e-200])
+def test_the_lower_root_of_a_quadratic_comes_first_at_any_scale_of_its_coefficients(scale):
+    for low, high in ((1.0, 3.0), (-3.0, -1.0), (-1.0, 3.0)):
+        found = quadratic_roots(scale, -scale * (low + high), scale * low * high)
+        assert found == pytest.approx((low, high), rel=1e-12)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from shields.filtered import FIELDS, Filtered
-from shields.recorder import Recorder
+from quadsafe_core.feedback import held_gains
+from shields.filtered import BRAKING_POLE, FIELDS, Filtered
+from shields.recorder import Recorder, braking_answer
 
 NOTHING = dict(
     correction=0.0,
@@ -111,3 +112,23 @@ def test_the_only_row_is_told_as_the_rows_are():
     recorder.filter(None, None, None, np.array([[1.0, 2.0, 3.0]]), 0.01)
     for name, entry in recorder.summary_of_one().items():
         assert np.array_equal(entry, told[name][0]), name
+
+
+@pytest.mark.interpreted
+def test_the_share_of_periods_with_an_intervention():
+    cut, kept = [((0, 0, 0), dict(intervened=True))] * 2, [((1, 2, 3), {}), ((4, 5, 6), {})]
+    assert recorded(cut)[1].intervened_share().tolist() == [1.0, 1.0]
+    assert recorded(cut, kept, kept, kept)[1].intervened_share().tolist() == [0.25, 0.25]
+    assert recorded()[1].intervened_share().tolist() == [0.0, 0.0]
+
+
+@pytest.mark.interpreted
+def test_where_a_shield_raises_every_row_brakes():
+    flat = np.zeros((2, 4, 3))
+    flat[:, 1] = [[2.0, 0.0, 0.0], [0.0, -1.0, np.nan]]
+    answer = braking_answer(flat, np.array([[5.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]), 0.01)
+    pull = held_gains(3, BRAKING_POLE, 0.01)[0]
+    np.testing.assert_allclose(answer.snap, [[-2.0 * pull, 0.0, 0.0], [0.0, pull, 0.0]], rtol=1e-12)
+    np.testing.assert_allclose(answer.correction, [2.0 * pull + 5.0, pull], rtol=1e-12)
+    assert answer.fallback.all() and answer.intervened.all() and (answer.obstacle == -1).all()
+    assert not answer.certified.any() and not answer.in_set.any() and (answer.value == -np.inf).all()
