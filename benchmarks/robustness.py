@@ -84,13 +84,12 @@ class Scale(NamedTuple):
 
     chain_steps: int = 1_000_000
     untold: float = 0.2  # of that, for a shield that is not told
-    beyond: int = 400  # episodes
     flights: int = 2_000
     body_steps: int = 1_000_000
     inner_flights: int = 200
 
 
-SHORT = Scale(20_000, 1.0, 40, 40, 10_000, 20)
+SHORT = Scale(20_000, 1.0, 40, 10_000, 20)
 
 
 class Job(NamedTuple):
@@ -191,7 +190,7 @@ def told(conditions: dict[str, Any]) -> dict[str, Any]:
 
 
 def chain_jobs(scale: Scale) -> Iterator[Job]:
-    """The bare chain: within the bounds, without errors, and beyond the bounds."""
+    """The bare chain: within the bounds, and without errors."""
     for kind, bounds in KINDS.items():
         for rate in RATES:
             steps = scale.chain_steps

@@ -20,7 +20,6 @@ from quadsafe_env.draws import (
 )
 from quadsafe_env.episode import observe_rows
 from quadsafe_env.film import FilmedWorld, ShownWorld
-from quadsafe_env.measure import MEASURES
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.plant import VelocityGains, packed
 from quadsafe_env.scenes import Task
@@ -74,18 +73,7 @@ class DisturbedWorld(World):
     def _control_period(
         self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
     ) -> None:
-        MEASURES[self._action](
-            self._constants,
-            opens,
-            self.is_shielded,
-            actions,
-            self.states,
-            self._commands,
-            self._table,
-            self._flat,
-            self._snap,
-            self._yaw_acceleration,
-        )
+        self._measure(actions, opens)
         estimate_batch(self._disturbance, self._memory, self._feedback, self._flat, self._snap)
         goal, center, radius = self._goal_and_spheres
         answer = self.snap_filter.filter(self._flat, center, radius, self._snap, self.control_period)

@@ -217,18 +217,7 @@ class World:
         self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
     ) -> None:
         snap, yaw_acceleration = self._snap, self._yaw_acceleration
-        MEASURES[self._action](
-            self._constants,
-            opens,
-            self.is_shielded,
-            actions,
-            self.states,
-            self._commands,
-            self._table,
-            self._flat,
-            snap,
-            yaw_acceleration,
-        )
+        self._measure(actions, opens)
         if self._has_limits:
             limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
         goal, center, radius = self._goal_and_spheres
@@ -248,6 +237,21 @@ class World:
             self.outcomes,
             self.flags,
             observations,
+        )
+
+    def _measure(self, actions: NDArray, opens: bool) -> None:
+        """Flat states and desired snaps and yaw accelerations, from the states and the actions."""
+        MEASURES[self._action](
+            self._constants,
+            opens,
+            self.is_shielded,
+            actions,
+            self.states,
+            self._commands,
+            self._table,
+            self._flat,
+            self._snap,
+            self._yaw_acceleration,
         )
 
     def picture(self, row: int) -> NDArray[np.uint8] | None:

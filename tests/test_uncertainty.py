@@ -140,7 +140,7 @@ def test_a_shield_that_is_not_told_lets_them_through(kind, flights):
     assert flights.fly(None, KINDS[kind], 50, 100, 0).violated_episodes > 0
 
 
-def test_errors_twice_as_large_as_declared_get_through(flights):
+def test_errors_six_times_as_large_as_declared_get_through(flights):
     actual = flights.scaled(KINDS["estimate"], 6.0)
     assert flights.fly(KINDS["estimate"], actual, 50, 100, 0).violated_episodes > 0
 
