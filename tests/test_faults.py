@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.feedback import held_gains
-from quadsafe_env.state import ATTITUDE, OMEGA, VELOCITY, hover_state
+from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_state
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.braking_arcs import BrakingBounds
 from shields.braking_held import rising_periods
@@ -283,6 +283,7 @@ POSES = {
     "upright": np.eye(3),
     "on its side": np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]),
     "inverted": np.diag([1.0, -1.0, -1.0]),
+    "in free fall": np.eye(3),
 }
 SPOTS = {
     "free": ([-2.0, 0, 0], [0.0, 0, 0]),
@@ -305,6 +306,9 @@ def test_wherever_and_however_it_starts_it_is_told_what_can_be_claimed(pose, spo
     position, velocity = SPOTS[spot]
     state = hover_state(np.array(position), plant.params)
     state[VELOCITY : VELOCITY + 3], state[ATTITUDE:OMEGA] = velocity, POSES[pose].ravel()
+    if pose == "in free fall":
+        # A hair above the thrust at which a vehicle counts as crashed.
+        state[THRUST] = 1.001 * plant.params.thrust_min
     plant.state = state
     is_inside, over = spot in ("inside", "at the centre"), False
     for step in range(12):
@@ -319,6 +323,19 @@ def test_wherever_and_however_it_starts_it_is_told_what_can_be_claimed(pose, spo
             break
     fresh = ShieldWrapper(gymnasium.make(NAME, **keywords), **SHIELDS[settings_of])
     assert flown(env, 7) == flown(fresh, 7)
+
+
+def test_an_estimate_without_numbers_is_answered_with_brakes_and_told():
+    env = VectorShieldWrapper(gymnasium.make_vec(NAME, 2))
+    env.reset(seed=0)
+    env.step(np.full((2, 4), 0.5, dtype=np.float32))
+    plant, slot = env.unwrapped, env.unwrapped.snap_filter
+    flat, spheres = plant.flat_state(), plant.obstacles
+    flat[1] = np.nan
+    with pytest.warns(RuntimeWarning, match="flat must be finite.*every row brakes"):
+        answer = slot.filter(flat, spheres.center, spheres.radius, np.zeros((2, 3)), plant.control_period)
+    assert np.isfinite(answer.snap).all() and answer.fallback.all() and not answer.certified.any()
+    assert env.step(np.zeros((2, 4), dtype=np.float32))[4]["shield"]["certified"].all()
 
 
 class Slot:
