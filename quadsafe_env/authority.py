@@ -39,14 +39,13 @@ a time of about 2|r̈|/j̄ + j̄/ū.
 """
 
 import math
-from typing import NamedTuple
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.checks import non_negative_number, positive_number
-from quadsafe_core.jit import kernel
 from quadsafe_env.actions import YAW_RATE, YAW_RATE_POLE
 from quadsafe_env.params import QuadrotorParams, params_from
-from quadsafe_env.rotors import levers, within
+from quadsafe_env.rotors import levers
+from quadsafe_env.yaw import YawRange
 
 # Kept of both ways from hover, to the floor and to full thrust: half, a choice.
 SHARE = 0.5
@@ -57,22 +56,6 @@ TURN_SHARE = 1 / 2
 BODY_RATE = 20.0  # rad/s
 # Rounding must not carry a rotor over the edge that the proposition lets it touch.
 SLACK = 1e-9
-
-
-class YawRange(NamedTuple):
-    """Bounds of the yaw motion: |ω_z|, rad/s, and |ω̇_z|, rad/s²."""
-
-    rate: float
-    acceleration: float
-
-
-@kernel
-def limit_yaw_batch(states, period, yaw, yaw_acceleration):
-    """Yaw accelerations that keep to the range, and the yaw rate after a period too if it did before."""
-    for i in range(yaw_acceleration.shape[0]):
-        rate = states[i, 17]
-        kept = within(yaw_acceleration[i], (-yaw.rate - rate) / period, (yaw.rate - rate) / period)
-        yaw_acceleration[i] = within(kept, -yaw.acceleration, yaw.acceleration)
 
 
 def yaw_range(params: "QuadrotorParams | str") -> YawRange:
@@ -87,7 +70,7 @@ def yaw_range(params: "QuadrotorParams | str") -> YawRange:
     p = params_from(params)
     hover = p.mass * p.gravity
     available = YAW_SHARE * min(hover, p.thrust_max - hover) * levers(p)[2] / p.inertia[2]
-    return YawRange(YAW_RATE, min(2.0 * YAW_RATE * YAW_RATE_POLE, available))
+    return YawRange(min(YAW_RATE, p.yaw_rate_max), min(2.0 * YAW_RATE * YAW_RATE_POLE, available))
 
 
 def steering_thrust(

@@ -7,8 +7,8 @@
 | 24:27     | goal                                                                   |
 | 27        | longest time at the goal in the period, s                              |
 | 28        | least thrust in the period, N                                          |
-| 29:42     | what is told of the row: the lines of the table of ``episode``         |
-| 42 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
+| 29:43     | what is told of the row: the lines of the table of ``episode``         |
+| 43 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
 |           | the period, from ``measure_gaps`` on the distance to its surface       |
 """
 
@@ -19,17 +19,16 @@ import numpy as np
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import LANES, I, U, new_block, wide_vectors
 from quadsafe_core.vec3 import subtract
-from quadsafe_env.flatness import wrench_from_snap_kernel
+from quadsafe_env.inner_loop import held_wrench
 from quadsafe_env.obstacles import NO_OBSTACLE, comes_after, squared_distance
-from quadsafe_env.rigid_body import axpy, derivative_kernel
 from quadsafe_env.rotors import limited_step
 from quadsafe_env.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane, store_triple
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, own_entries, sphere_entries
 
 # Lines of the table: numbers of the last policy step, then of the episode, then flags that are 0 or 1.
 REWARD, COST, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(6)
-HAS_ARRIVED, HAS_VIOLATED, ARRIVES, INVALID, IS_FLYING, CRASH, SATURATED = range(6, 13)
-LINES = 13
+HAS_ARRIVED, HAS_VIOLATED, ARRIVES, INVALID, IS_FLYING, CRASH, SATURATED, SPINNING = range(6, 14)
+LINES = 14
 
 SNAP = STATE_SIZE
 YAW = SNAP + 3
@@ -66,14 +65,6 @@ def fill_spheres(block, first, count, spheres, centers, radii):
             block[at + i + U(2 * LANES)] = centers[U(3) * place + U(2)]
             block[at + i + U(LANES * 3)], block[at + i + U(LANES * 4)] = radii[place], math.inf
             place += spheres
-
-
-@inline_kernel
-def held_wrench(s, snap, yaw_acceleration, params, dt):
-    """(35) at the predicted middle of the step: held over it, the snap is met to second order in dt."""
-    first = wrench_from_snap_kernel(s, snap, yaw_acceleration, params)
-    middle = axpy(0.5 * dt, derivative_kernel(s, first, params), s)
-    return wrench_from_snap_kernel(middle, snap, yaw_acceleration, params)
 
 
 @kernel

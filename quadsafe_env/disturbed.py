@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_env.actions import velocity_gains
-from quadsafe_env.authority import limit_yaw_batch
 from quadsafe_env.conditions import Conditions
 from quadsafe_env.disturbance import disturbance
 from quadsafe_env.disturbed_flight import advance_disturbed_batch
@@ -111,8 +110,6 @@ class DisturbedWorld(World):
             self._flown,
             self._flown_yaw,
         )
-        if self._has_limits:
-            limit_yaw_batch(self.states, self.control_period, self._yaw_range, self._flown_yaw)
 
 
 class FilmedDisturbedWorld(DisturbedWorld, FilmedWorld):

@@ -25,7 +25,6 @@ from quadsafe_env.block import (
     TABLE,
     YAW,
     block_of,
-    held_wrench,
     measure_gaps,
     measure_here,
 )
@@ -41,6 +40,7 @@ from quadsafe_env.episode import (
     record_period,
     store_closed,
 )
+from quadsafe_env.inner_loop import held_wrench
 from quadsafe_env.obstacles import squared_distance
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.plant import unpacked
@@ -62,6 +62,7 @@ def true_vehicle(i, believed, m):
         believed.thrust_min,
         believed.torque_max,
         believed.gravity,
+        believed.yaw_rate_max,
     )
 
 
@@ -178,7 +179,7 @@ def advance_disturbed_batch(
     for first in range(0, states.shape[0], LANES):
         count = min(LANES, states.shape[0] - first)
         load_rows(block, first, count, spheres, rows)
-        load_wishes(block, first, count, snap, yaw_acceleration, table)
+        load_wishes(block, first, count, snap, yaw_acceleration, table, plant.yaw)
         for lane in range(count):
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
                 fly_row(block, lane, first + lane, spheres, substeps, plant, rotors, d, m)

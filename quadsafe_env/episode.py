@@ -26,6 +26,7 @@ from quadsafe_env.block import (
     REWARD,
     SATURATED,
     SNAP,
+    SPINNING,
     TABLE,
     YAW,
     are_sound,
@@ -40,11 +41,12 @@ from quadsafe_env.block import (
 from quadsafe_env.counter_rng import Key, derived_key
 from quadsafe_env.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.plant import unpacked
-from quadsafe_env.state import STATE_SIZE, THRUST, lane_triple
+from quadsafe_env.state import OMEGA, STATE_SIZE, THRUST, lane_triple
 from quadsafe_env.task import GOAL_HOLD, OWN_ENTRIES, SPHERE_ENTRIES, reward
+from quadsafe_env.yaw import is_spinning, limited_yaw
 
-IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, TERMINATED = range(7)
-FLAGS = 7
+IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, IS_SPINNING, TERMINATED = range(8)
+FLAGS = 8
 
 
 @inline_kernel
@@ -62,8 +64,8 @@ def load_rows(block, first, count, spheres, rows):
 
 
 @inline_kernel
-def load_wishes(block, first, count, snap, yaw_acceleration, table):
-    """What the rows are to fly in this period, and what is told of them so far."""
+def load_wishes(block, first, count, snap, yaw_acceleration, table, hold):
+    """What the rows are to fly in this period, their yaw within its range, and what is told of them so far."""
     for k in range(U(LANES * LINES)):
         block[U(LANES * TABLE) + k] = table[U(first * LINES) + k]
     for axis in range(3):
@@ -72,8 +74,10 @@ def load_wishes(block, first, count, snap, yaw_acceleration, table):
     for i in range(U(count)):
         block[U(LANES * YAW) + i] = yaw_acceleration[U(first) + i]
     for i in range(U(count)):
-        is_invalid = told(block, i, I(INVALID)) > 0.0
-        block[U(LANES * YAW) + i] = 0.0 if is_invalid else block[U(LANES * YAW) + i]
+        is_invalid, rate = told(block, i, I(INVALID)) > 0.0, block[U(LANES * (OMEGA + 2)) + i]
+        asked = 0.0 if is_invalid else block[U(LANES * YAW) + i]
+        block[U(LANES * YAW) + i] = limited_yaw(rate, asked, hold)
+        tell(block, i, I(SPINNING), 1.0 if is_spinning(rate, hold) else told(block, i, I(SPINNING)))
         block[U(LANES * LONGEST) + i], block[U(LANES * LEAST_THRUST) + i] = 0.0, math.inf
 
 
@@ -141,6 +145,7 @@ def close_lanes(block, gaps, count, plant, flags):
         flags[i + U(LANES * OUT_OF_BOUNDS)] = 0.0 if is_inside else 1.0
         flags[i + U(LANES * CRASHES)], flags[i + U(LANES * IS_INVALID)] = crashes, is_invalid
         flags[i + U(LANES * IS_SATURATED)] = told(block, i, I(SATURATED))
+        flags[i + U(LANES * IS_SPINNING)] = told(block, i, I(SPINNING))
         flags[i + U(LANES * TERMINATED)] = 1.0 if ends else 0.0
 
 
@@ -177,10 +182,10 @@ def slots_of(observations):
 
 
 @kernel
-def restore(block, first, count, spheres, rows, snap, yaw_acceleration, table):
+def restore(block, first, count, spheres, rows, snap, yaw_acceleration, table, hold):
     """The block as it was before it was flown."""
     load_rows(block, first, count, spheres, rows)
-    load_wishes(block, first, count, snap, yaw_acceleration, table)
+    load_wishes(block, first, count, snap, yaw_acceleration, table, hold)
 
 
 @kernel
@@ -211,10 +216,10 @@ def advance_batch(
     for first in range(0, states.shape[0], LANES):
         count = min(LANES, states.shape[0] - first)
         load_rows(block, first, count, spheres, rows)
-        load_wishes(block, first, count, snap, yaw_acceleration, table)
+        load_wishes(block, first, count, snap, yaw_acceleration, table, plant.yaw)
         fly(block, count, spheres, substeps, plant, rotors)
         if not are_sound(block, count, plant.params.thrust_min):
-            restore(block, first, count, spheres, rows, snap, yaw_acceleration, table)
+            restore(block, first, count, spheres, rows, snap, yaw_acceleration, table, plant.yaw)
             fly_with_care(block, count, spheres, substeps, plant, rotors)
         from_lanes(block, I(0), rows[0], I(STATE_SIZE), first, count)
         measure_gaps(block, count, spheres, gaps)

@@ -68,22 +68,27 @@ def yaw_acceleration_kernel(s, wrench, params):
 
 
 @inline_kernel
-def wrench_from_snap_kernel(s, snap, yaw_acceleration, params):
-    """(35) in body axes: the wrench that gives a snap and ω̇_z; torques are nan at f_z = 0."""
+def wrench_from_body_snap(s, u, yaw_acceleration, product, params):
+    """(35) of a snap in body axes, with ω_x ω_y given for the torque about z; torques are nan at f_z = 0."""
     x, y, z = omega_of(s)
     Jx, Jy, Jz = params.inertia
     m, f, df = params.mass, s[18], s[19]
     # Written out so that interpreted and compiled code agree at the singularity.
     per_thrust = 1.0 / f if f != 0.0 else math.nan
-    u = to_body(s, snap)
     spin_x = fma(y, z, -fma(m, u[1], 2.0 * df * x) * per_thrust)
     spin_y = fma(-x, z, fma(m, u[0], -2.0 * df * y) * per_thrust)
     return (
         fma(m, u[2], f * fma(x, x, y * y)),
         fma(Jx, spin_x, (Jz - Jy) * (y * z)),
         fma(Jy, spin_y, (Jx - Jz) * (z * x)),
-        fma(Jz, yaw_acceleration, (Jy - Jx) * (x * y)),
+        fma(Jz, yaw_acceleration, (Jy - Jx) * product),
     )
+
+
+@inline_kernel
+def wrench_from_snap_kernel(s, snap, yaw_acceleration, params):
+    """(35) in body axes: the wrench that gives a snap and ω̇_z; torques are nan at f_z = 0."""
+    return wrench_from_body_snap(s, to_body(s, snap), yaw_acceleration, s[15] * s[16], params)
 
 
 @kernel

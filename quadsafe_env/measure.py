@@ -7,7 +7,7 @@ import numpy as np
 from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_core.lanes import LANES, I, U, from_lanes, new_block, to_lanes, wide_vectors
 from quadsafe_env.actions import snap_law, velocity_law, wrench_law
-from quadsafe_env.block import ARRIVES, CLEARANCE, CRASH, EFFORT, INVALID, IS_FLYING, LINES, SATURATED
+from quadsafe_env.block import ARRIVES, CLEARANCE, CRASH, EFFORT, INVALID, IS_FLYING, LINES, SATURATED, SPINNING
 from quadsafe_env.flatness import flat_from_state
 from quadsafe_env.obstacles import NO_OBSTACLE
 from quadsafe_env.plant import unpacked
@@ -51,6 +51,7 @@ def command_rows(block, first, count, actions, plant, is_shielded, commands, tab
         table[at + U(LANES * CLEARANCE) + i] = NO_OBSTACLE
         table[at + U(LANES * ARRIVES) + i] = 0.0
         table[at + U(LANES * CRASH) + i], table[at + U(LANES * SATURATED) + i] = 0.0, 0.0
+        table[at + U(LANES * SPINNING) + i] = 0.0
     for k in range(U(4 * LANES)):
         commands[U(4 * first) + k] = block[U(LANES * COMMAND) + k]
 

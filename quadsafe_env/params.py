@@ -14,16 +14,18 @@ THRUST_FLOOR = 0.05
 class QuadrotorParams(NamedTuple):
     """Constants of a quadrotor, all SI floats.
 
-    | field      | unit  | meaning                                                              |
-    |------------|-------|----------------------------------------------------------------------|
-    | mass       | kg    | m                                                                    |
-    | inertia    | kg m² | principal moments (J_x, J_y, J_z) about the body axes                |
-    | arm        | m     | centre to rotor axis                                                 |
-    | radius     | m     | collision radius: arm plus propeller radius                          |
-    | thrust_max | N     | all four rotors at full speed                                        |
-    | thrust_min | N     | floor of the thrust f_z, below which the model counts as crashed     |
-    | torque_max | N m   | largest torque about each body axis, reached at half of thrust_max   |
-    | gravity    | m/s²  | g                                                                    |
+    | field        | unit  | meaning                                                              |
+    |--------------|-------|----------------------------------------------------------------------|
+    | mass         | kg    | m                                                                    |
+    | inertia      | kg m² | principal moments (J_x, J_y, J_z) about the body axes                |
+    | arm          | m     | centre to rotor axis                                                 |
+    | radius       | m     | collision radius: arm plus propeller radius                          |
+    | thrust_max   | N     | all four rotors at full speed                                        |
+    | thrust_min   | N     | floor of the thrust f_z, below which the model counts as crashed     |
+    | torque_max   | N m   | largest torque about each body axis, reached at half of thrust_max   |
+    | gravity      | m/s²  | g                                                                    |
+    | yaw_rate_max | rad/s | largest ω_z that the vehicle is flown with; 10, what observations    |
+    |              |       | show, unless another is given                                        |
     """
 
     mass: float
@@ -34,6 +36,7 @@ class QuadrotorParams(NamedTuple):
     thrust_min: float
     torque_max: tuple[float, float, float]
     gravity: float
+    yaw_rate_max: float = 10.0
 
 
 def x_torque_max(arm: float, thrust_max: float, moment_ratio: float) -> tuple[float, float, float]:
@@ -133,7 +136,7 @@ def _completed(fields: Mapping) -> QuadrotorParams:
 
 
 def _from_sequence(values: "tuple | list") -> QuadrotorParams:
-    if len(values) != len(QuadrotorParams._fields):
+    if len(values) not in (len(QuadrotorParams._fields) - 1, len(QuadrotorParams._fields)):
         wanted = ", ".join(QuadrotorParams._fields)
         raise ValueError(f"params as a sequence must hold {wanted}, got {len(values)} values")
     return QuadrotorParams(*values)

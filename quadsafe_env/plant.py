@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.jit import inline_kernel
 from quadsafe_env.params import QuadrotorParams
+from quadsafe_env.yaw import YawHold, YawRange
 
 
 class VelocityGains(NamedTuple):
@@ -34,6 +35,7 @@ class Plant(NamedTuple):
     | dt                     | of one RK4 step, s                                  |
     | ends_at_goal           | 1.0 if arrival ends an episode, else 0.0            |
     | terminate_on_violation | 1.0 if a violation ends an episode, else 0.0        |
+    | yaw                    | what the yaw motion keeps to                        |
     """
 
     params: QuadrotorParams
@@ -44,6 +46,7 @@ class Plant(NamedTuple):
     dt: float
     ends_at_goal: float
     terminate_on_violation: float
+    yaw: YawHold
 
 
 def packed(told: tuple) -> NDArray[np.float64]:
@@ -63,12 +66,13 @@ def _numbers(value) -> Iterator[float]:
 def unpacked(c):
     """The plant whose numbers are packed in ``c``."""
     return Plant(
-        QuadrotorParams(c[0], (c[1], c[2], c[3]), c[4], c[5], c[6], c[7], (c[8], c[9], c[10]), c[11]),
-        VelocityGains(c[12], c[13], c[14], c[15]),
-        (c[16], c[17], c[18], c[19]),
-        (c[20], c[21], c[22]),
-        (c[23], c[24], c[25]),
-        c[26],
+        QuadrotorParams(c[0], (c[1], c[2], c[3]), c[4], c[5], c[6], c[7], (c[8], c[9], c[10]), c[11], c[12]),
+        VelocityGains(c[13], c[14], c[15], c[16]),
+        (c[17], c[18], c[19], c[20]),
+        (c[21], c[22], c[23]),
+        (c[24], c[25], c[26]),
         c[27],
         c[28],
+        c[29],
+        YawHold(YawRange(c[30], c[31]), c[32]),
     )

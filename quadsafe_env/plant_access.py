@@ -6,8 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
+from quadsafe_core.flight_model import FlightModel
 from quadsafe_env.authority import authority
 from quadsafe_env.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.inner_loop_error import Flight, snap_error
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.slot import SnapFilter
 from quadsafe_env.world import World
@@ -39,8 +41,27 @@ class PlantAccess:
             ValueError: for rotor lag, jitter or impulses, which have no such bounds.
         """
         return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=authority(self.params).thrust_max
+            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.thrust_max / self.params.mass
         )
+
+    @property
+    def flight_model(self) -> FlightModel:
+        """What a proof about flights of this plant may count on."""
+        p, rates = self.params, self._world.rates
+        return FlightModel(
+            gravity=p.gravity,
+            thrust_min=p.thrust_min / p.mass,
+            thrust_max=p.thrust_max / p.mass,
+            authority=authority(p) if self._world.rotor_limits else None,
+            physics_hz=rates.physics,
+            control_hz=rates.control,
+            snap_error=self._snap_error,
+        )
+
+    def _snap_error(self, snap: float, jerk: float, thrust: float, physics_hz: int) -> float:
+        met, dt, period = self.conditions, 1.0 / physics_hz, self.control_period
+        flight = Flight((1.0 + met.gain) * snap, jerk, thrust, self._world.yaw_hold_at(dt).range)
+        return snap_error(flight, self.params, dt, period, met.inertia_error)
 
     @property
     def action_scale(self) -> NDArray[np.float64]:

@@ -28,6 +28,7 @@ from quadsafe_core.jit import inline_kernel, kernel
 from quadsafe_env.params import QuadrotorParams, params_from
 from quadsafe_env.rigid_body import rk4_step
 from quadsafe_env.state import broadcast_rows
+from quadsafe_env.yaw import within
 
 
 class Rotors(NamedTuple):
@@ -56,14 +57,6 @@ def collected(rotors, lever):
     a, b, c, d = rotors
     torque = (lever[0] * (a + b - c - d), lever[1] * (b + c - a - d), lever[2] * (a + c - b - d))
     return a + b + c + d, torque
-
-
-@inline_kernel
-def within(value, low, high):
-    """``value`` clipped to [low, high]; nan stays nan."""
-    if value < low:
-        return low
-    return high if value > high else value
 
 
 @inline_kernel

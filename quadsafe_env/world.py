@@ -6,6 +6,7 @@ The waist is (snap, yaw acceleration): every action interface ends in a desired 
 the safe one over the control period at the physics rate. With or without a filter nothing else differs.
 """
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.lanes import LANES, aligned_rows
 from quadsafe_env.actions import action_scale, velocity_gains
-from quadsafe_env.authority import limit_yaw_batch, yaw_range
+from quadsafe_env.authority import yaw_range
 from quadsafe_env.block import LINES
 from quadsafe_env.conditions import OFF, Conditions
 from quadsafe_env.episode import FLAGS, advance_batch, begin_rows, next_words, observe_rows, place_rows
@@ -28,6 +29,7 @@ from quadsafe_env.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
 from quadsafe_env.slot import Filtered, Passed, PassThrough, SnapFilter, safe_snaps
 from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES
+from quadsafe_env.yaw import YawHold, YawRange, yaw_hold
 
 # The lines of the outcomes behind the reward, then those of the flags before the end.
 INFO_KEYS = (
@@ -39,6 +41,7 @@ INFO_KEYS = (
     "crash",
     "invalid_action",
     "saturated",
+    "spinning",
 )
 
 __all__ = ["Filtered", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
@@ -55,7 +58,7 @@ class World:
         spheres: keep-out spheres of every scene, or None for the task's own.
         rates: policy, control and physics rates, Hz.
         terminate_on_violation: whether a violation ends an episode.
-        rotor_limits: whether each rotor, and the desired yaw acceleration, keeps to its range.
+        rotor_limits: whether each rotor, and the yaw motion, keeps to what the rotors give.
     """
 
     conditions: Conditions = OFF
@@ -79,7 +82,7 @@ class World:
         self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
         self.snap_filter: SnapFilter = PassThrough()
         self.action_scale = np.array(action_scale(action, params))
-        self._action, self._has_limits, self._yaw_range = action, rotor_limits, yaw_range(params)
+        self._action, self.rotor_limits = action, rotor_limits
         # Without limits the kernels are compiled without the rotors.
         self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
         self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
@@ -93,9 +96,16 @@ class World:
                 dt=1.0 / rates.physics,
                 ends_at_goal=task.ends_at_goal,
                 terminate_on_violation=terminate_on_violation,
+                yaw=self.yaw_hold_at(1.0 / rates.physics),
             )
         )
         self._allocate(self._source.sphere_count)
+
+    def yaw_hold_at(self, dt: float) -> YawHold:
+        """What the yaw motion keeps to with physics steps of ``dt``, s."""
+        kept = yaw_range(self.params) if self.rotor_limits else YawRange(self.params.yaw_rate_max, math.inf)
+        met = self.conditions
+        return yaw_hold(kept, dt, self.control_period, met.jitter, met.inertia_error)
 
     def _allocate(self, k: int) -> None:
         n = self.n
@@ -218,8 +228,6 @@ class World:
     ) -> None:
         snap, yaw_acceleration = self._snap, self._yaw_acceleration
         self._measure(actions, opens)
-        if self._has_limits:
-            limit_yaw_batch(self.states, self.control_period, self._yaw_range, yaw_acceleration)
         goal, center, radius = self._goal_and_spheres
         answer = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
         advance_batch(
@@ -269,15 +277,5 @@ class World:
     def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
         """Reward, end and info of the only row."""
         reward, cost, clearance = self.outcomes.reshape(-1).tolist()
-        success, violation, is_out, crash, invalid, saturated, terminated = self.flags.reshape(-1).tolist()
-        info = {
-            "cost": cost,
-            "clearance": clearance,
-            "is_success": success,
-            "violation": violation,
-            "out_of_bounds": is_out,
-            "crash": crash,
-            "invalid_action": invalid,
-            "saturated": saturated,
-        }
-        return reward, terminated, info
+        *flags, terminated = self.flags.reshape(-1).tolist()
+        return reward, terminated, dict(zip(INFO_KEYS, (cost, clearance, *flags), strict=True))

@@ -25,10 +25,15 @@ def bounds_of(settings: Mapping[str, Any]) -> Bounds:
     """What half-spaces and stops count on: free numbers, or the authority less what is reserved."""
     if settings["authority"] is None:
         u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
-        band = ThrustBand(settings["thrust_min"], math.inf, settings["gravity"])
-        return Bounds(u_max, input_max, FlightLimits(math.inf, input_max, math.inf, band), None)
+        held, jerk, most = (_limit(settings[name]) for name in ("held_snap_max", "jerk_max", "thrust_max"))
+        band = ThrustBand(settings["thrust_min"], most, settings["gravity"])
+        return Bounds(u_max, input_max, FlightLimits(held, input_max, jerk, band), None)
     whole = checked_authority("authority", settings["authority"])
     kept = whole.less(RESERVED)
     band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
     limits = FlightLimits(whole.snap_max, kept.snap_max, kept.jerk_max, band)
     return Bounds(kept.snap_max, whole.snap_max, limits, kept)
+
+
+def _limit(setting: float | None) -> float:
+    return math.inf if setting is None else setting

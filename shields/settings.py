@@ -7,8 +7,18 @@ from quadsafe_core.authority import checked_authority
 from quadsafe_core.checks import non_negative_number, positive_number
 from shields.uncertainty import checked_uncertainty
 
-# What an authority takes the place of.
-FREE_NUMBERS = MappingProxyType({"snap_max": 200.0, "reserve": 3.0, "thrust_min": 1.0, "gravity": 9.81})
+# What an authority takes the place of, None for no limit.
+FREE_NUMBERS = MappingProxyType(
+    {
+        "snap_max": 200.0,
+        "reserve": 3.0,
+        "held_snap_max": None,
+        "jerk_max": None,
+        "thrust_min": 1.0,
+        "thrust_max": None,
+        "gravity": 9.81,
+    }
+)
 
 
 def checked_settings(
@@ -31,13 +41,9 @@ def checked_settings(
     vehicle = _free_numbers(free) if authority is None else _bound_numbers(free, method, authority)
     return {
         "method": method,
-        "snap_max": vehicle["snap_max"],
-        "reserve": vehicle["reserve"],
+        **vehicle,
         "alpha": positive_number("alpha", alpha),
         "margin": non_negative_number("margin", margin),
-        "thrust_min": vehicle["thrust_min"],
-        "gravity": vehicle["gravity"],
-        "authority": vehicle["authority"],
         "uncertainty": _declared(method, uncertainty),
         **{name: _optional(name, value) for name, value in given.items() if name not in FREE_NUMBERS},
     }
@@ -46,13 +52,28 @@ def checked_settings(
 def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
     """Free numbers, the defaults where none is given."""
     number = {name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()}
-    return {
+    found = {
         "snap_max": positive_number("snap_max", number["snap_max"]),
         "reserve": _at_least_one("reserve", number["reserve"]),
+        "held_snap_max": _optional("held_snap_max", number["held_snap_max"]),
+        "jerk_max": _optional("jerk_max", number["jerk_max"]),
         "thrust_min": non_negative_number("thrust_min", number["thrust_min"]),
+        "thrust_max": _optional("thrust_max", number["thrust_max"]),
         "gravity": positive_number("gravity", number["gravity"]),
         "authority": None,
     }
+    _check_hover(found)
+    return found
+
+
+def _check_hover(found: dict[str, Any]) -> None:
+    """Hovering must be within the limits, and a stop no longer a snap than may be flown."""
+    low, hover, high = found["thrust_min"], found["gravity"], found["thrust_max"]
+    if not low < hover < (hover + 1.0 if high is None else high):
+        raise ValueError(f"thrust_min and thrust_max must enclose gravity {hover:g}, got {low:g} and {high}")
+    stop, held = found["snap_max"] * found["reserve"], found["held_snap_max"]
+    if held is not None and held < stop:
+        raise ValueError(f"held_snap_max must be at least snap_max times reserve, {stop:g}, got {held:g}")
 
 
 def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) -> dict[str, Any]:

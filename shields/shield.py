@@ -83,12 +83,15 @@ class Shield:
         method: "sampled" or "cbf".
         snap_max: ū, snap along the line of sight that the invariant sets count on, m/s⁴; 200 by default.
         reserve: U_max/ū ≥ 1, how far beyond ū a state outside its set may be pushed back, and a stop go; 3.
+        held_snap_max: longest snap that is flown, m/s⁴ ("sampled"); None for no limit.
+        jerk_max: largest jerk of a certified flight, m/s³ ("sampled"); None for no limit.
         alpha: α, how fast a set value may decay, 1/s.
         margin: how far outside the keep-out radius the set ends, as a fraction of that radius.
         thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled"); 1.
+        thrust_max: largest specific thrust of a certified flight, m/s² ("sampled"); None for no limit.
         gravity: g, m/s² ("sampled"); 9.81.
-        authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of snap_max,
-            reserve, thrust_min and gravity; None for those.
+        authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of the
+            settings above but alpha and margin; None for those.
         uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields
             ("sampled"); None for none.
         max_closing_speed: bound of −Ṙ, m/s, or None; "sampled" keeps it along the line of sight of each period.
@@ -108,9 +111,12 @@ class Shield:
         method: str = "sampled",
         snap_max: float | None = None,
         reserve: float | None = None,
+        held_snap_max: float | None = None,
+        jerk_max: float | None = None,
         alpha: float = 2.0,
         margin: float = 0.005,
         thrust_min: float | None = None,
+        thrust_max: float | None = None,
         gravity: float | None = None,
         authority: Authority | Mapping[str, float] | None = None,
         uncertainty: Uncertainty | Mapping[str, Any] | None = None,
@@ -122,9 +128,12 @@ class Shield:
             method=one_of("method", method, tuple(METHODS)),
             snap_max=snap_max,
             reserve=reserve,
+            held_snap_max=held_snap_max,
+            jerk_max=jerk_max,
             alpha=alpha,
             margin=margin,
             thrust_min=thrust_min,
+            thrust_max=thrust_max,
             gravity=gravity,
             authority=authority,
             uncertainty=uncertainty,

@@ -5,6 +5,7 @@ larger by T_r, and stops that leave the feedback its share of the limits (``shie
 sampled shield's proof holds for the stop, and the vehicle is in the tube around it.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -159,9 +160,9 @@ class TubedMethod(SampledMethod):
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         bounds = bounds_of(self._settings)
-        if self._uncertainty.gain > 0.0:
+        if self._uncertainty.gain > 0.0 and bounds.limits.snap_max == math.inf:
             # A share of any snap whatever would be no bound.
-            most = min(bounds.limits.snap_max, bounds.input_max)
+            most = bounds.input_max
             bounds = bounds._replace(limits=bounds.limits._replace(snap_max=most))
         tube = tube_of(self._uncertainty, period, bounds.limits)
         width = Width(float(tube.deviation[0]), float(tube.deviation[0] + tube.error[0]))

@@ -220,22 +220,34 @@ def tube_of(uncertainty: Uncertainty, period: float, limits: FlightLimits) -> Tu
         ValueError: if the errors take more than half of what the vehicle has, whatever the feedback, or for a
             period out of range.
     """
+    check_period(period)
+    error, added = predicted_error(uncertainty, period, limits.snap_max)
+    found = best_tube([tube_at(pole, error, added, period) for pole in POLES], limits)
+    if found is None:
+        raise ValueError(
+            f"uncertainty must leave half of snap, jerk and thrust at Δ = {period:g} s, got {uncertainty}"
+        )
+    return found
+
+
+def check_period(period: float) -> float:
+    """``period``, one for which there are tubes."""
     if not SHORTEST <= period <= LONGEST:
         raise ValueError(
             f"period must be from {SHORTEST:g} to {LONGEST:g} s where errors are declared, got {period:g}"
         )
-    error, added = predicted_error(uncertainty, period, limits.snap_max)
-    tubes = [tube_at(pole, error, added, period) for pole in POLES]
+    return period
+
+
+def best_tube(tubes: list[Tube], limits: FlightLimits) -> Tube | None:
+    """The narrowest and cheapest of the tubes that leave half of the limits; None if there is none."""
     shares = [share_taken(tube, limits) for tube in tubes]
-    if not any(share <= MOST_TAKEN for share in shares):
-        raise ValueError(
-            f"uncertainty must leave half of snap, jerk and thrust at Δ = {period:g} s, got {uncertainty}"
-        )
     costs = [
         tube.deviation[0] + COST_OF_LIMITS * share if share <= MOST_TAKEN else math.inf
         for tube, share in zip(tubes, shares, strict=True)
     ]
-    return tubes[int(np.argmin(costs))]
+    best = int(np.argmin(costs))
+    return tubes[best] if costs[best] < math.inf else None
 
 
 def tightened(limits: FlightLimits, tube: Tube) -> FlightLimits:

@@ -6,7 +6,6 @@ the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that 
 ask ``snap_filter.done`` what the shield did.
 """
 
-from types import MappingProxyType
 from typing import Any
 
 import gymnasium
@@ -15,11 +14,9 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number
+from shields.plant_settings import plain_settings, settings_for
 from shields.recorder import Recorder
 from shields.shield import Shield
-
-# Settings that a word stands for: the plant has the numbers, by a method of the name of the setting.
-WORDS = MappingProxyType({"authority": "vehicle", "uncertainty": "conditions"})
 
 
 class Installation:
@@ -46,24 +43,6 @@ class Installation:
         """Put back what was in the slot before."""
         self.begin()
         self._plant.snap_filter = self._before
-
-
-def _resolved(settings: dict[str, Any], plant: Any) -> dict[str, Any]:
-    """The settings with the plant's numbers in place of words."""
-    given = {name: _numbers(name, settings[name], plant) for name in WORDS if name in settings}
-    return {**settings, **given}
-
-
-def _numbers(name: str, value: Any, plant: Any) -> Any:
-    """The setting, or the plant's own if it is the word for that."""
-    if not isinstance(value, str):
-        return value
-    word = WORDS[name]
-    if value != word:
-        raise ValueError(f"{name} must be {word!r}, {name.title()}, a mapping or None, got {value!r}")
-    if not hasattr(plant, name):
-        raise TypeError(f"env must have {name}() for {name}={word!r}, got {type(plant).__name__}")
-    return getattr(plant, name)()
 
 
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
@@ -94,21 +73,36 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         env: the environment; ``env.unwrapped`` has the slot.
         intervention_penalty: taken off the reward, times the share of the step's control periods in which
             the shield intervened.
-        settings: keyword arguments of ``Shield``. ``authority="vehicle"`` stands for the plant's own,
-            ``env.unwrapped.authority()``, and ``uncertainty="conditions"`` for the bounds of its conditions,
+        inner_loop: how the error is covered with which the plant flies a held snap. "proved": flights keep to
+            numbers for which the plant has a bound of it, and stops keep a tube of that width clear.
+            "measured": numbers as they are given; the margin covers the error in what was measured. Method
+            "cbf" takes neither, and a plant that tells nothing of itself (``env.unwrapped.flight_model``) is
+            taken to fly held snaps exactly.
+        settings: keyword arguments of ``Shield``. What is left out the plant gives: gravity, the ends of the
+            thrust band, and with "proved" snap, jerk and ``uncertainty.snap``. ``authority="vehicle"`` stands
+            for the plant's own, ``env.unwrapped.authority()``, taken by itself where the plant limits its
+            rotors; ``uncertainty="conditions"`` for the bounds of its conditions,
             ``env.unwrapped.uncertainty()``.
 
     Raises:
         TypeError: if the environment has no slot.
-        ValueError: if it is already shielded, or for a setting out of its range.
+        ValueError: if it is already shielded, or for a setting out of its range, or one that contradicts the
+            plant on the unsafe side.
     """
 
-    def __init__(self, env: gymnasium.Env, *, intervention_penalty: float = 0.0, **settings: Any):
-        shield = Shield(**_resolved(settings, env.unwrapped))
+    def __init__(
+        self,
+        env: gymnasium.Env,
+        *,
+        intervention_penalty: float = 0.0,
+        inner_loop: str = "proved",
+        **settings: Any,
+    ):
+        shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        # The words, not their numbers: a rebuilt env may fly another vehicle.
-        words = {name: word for name, word in WORDS.items() if settings.get(name) == word}
-        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, **{**shield.settings, **words})
+        # What was given, not what the plant made of it: a rebuilt env may fly another vehicle.
+        given = plain_settings(settings)
+        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, inner_loop=inner_loop, **given)
         gymnasium.Wrapper.__init__(self, env)
         self._penalty = penalty
         self._installation = Installation(env.unwrapped, shield, rows=1)
@@ -152,18 +146,26 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
     Args:
         env: the vector environment; ``env.unwrapped`` has the slot.
         intervention_penalty: as in ``ShieldWrapper``.
-        settings: keyword arguments of ``Shield``.
+        inner_loop: as in ``ShieldWrapper``.
+        settings: as in ``ShieldWrapper``.
 
     Raises:
         TypeError: if the environment has no slot.
         ValueError: if it is already shielded, or for a setting out of its range.
     """
 
-    def __init__(self, env: gymnasium.vector.VectorEnv, *, intervention_penalty: float = 0.0, **settings: Any):
+    def __init__(
+        self,
+        env: gymnasium.vector.VectorEnv,
+        *,
+        intervention_penalty: float = 0.0,
+        inner_loop: str = "proved",
+        **settings: Any,
+    ):
         super().__init__(env)
         self._everyone = np.ones(env.num_envs, dtype=np.bool_)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        shield = Shield(**_resolved(settings, env.unwrapped))
+        shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
         self._installation = Installation(env.unwrapped, shield, rows=env.num_envs)
 
     @property
