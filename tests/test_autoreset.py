@@ -235,13 +235,14 @@ def test_of_a_row_that_is_only_reset_the_shield_tells_what_it_tells_at_a_reset(i
 
 
 class Spy:
-    """A filter that lets everything pass, and keeps in order who asked and who was reset."""
+    """A filter that lets everything pass, and keeps in order who was reset, and what was desired."""
 
     def __init__(self):
-        self.calls = []
+        self.calls, self.desired = [], []
 
     def filter(self, flat, center, radius, snap, period):
         self.calls.append("filter")
+        self.desired.append(snap.copy())
         return Passed(snap)
 
     def reset(self, mask):
@@ -249,12 +250,14 @@ class Spy:
 
 
 @pytest.mark.interpreted
-def test_filter_forgets_the_row_before_and_after_it_waits_at_its_start():
-    rows = ended_in_row_one(NEXT_STEP)
+def test_filter_forgets_the_row_before_and_after_it_hovers_at_its_start():
+    rows = ended_in_row_one(NEXT_STEP, action="snap")
     rows.unwrapped.snap_filter = spy = Spy()
-    rows.step(np.zeros((3, 4)))
+    rows.step([[0.5] * 4, [np.nan] * 4, [0.5] * 4])
     only = [False, True, False]
     assert spy.calls == [only, *["filter"] * 4, only]
+    # Whatever the ignored action is, no filter has to cope with it.
+    assert all(not snap[1].any() and (snap[[0, 2]] != 0.0).all() for snap in spy.desired)
 
 
 def test_pictures_of_a_row_that_waited_at_its_start_are_those_of_a_reset():
