@@ -2,8 +2,12 @@
 PYTHON ?= python3
 PIP_CONSTRAINTS ?= -c constraints-cpu.txt
 BIN := .venv/bin
+# The lowest Gymnasium that pyproject.toml allows: alone in a folder, it stands before the newest on the path.
+FLOOR := $(shell sed -n 's/.*"gymnasium>=\(.*\)".*/\1/p' pyproject.toml)
+FLOOR_PATH := $(CURDIR)/.venv/floor
+FLOOR_TESTS := env vector_env wrapper recorder autoreset vector_wrappers safety_gymnasium sb3_vec
 
-.PHONY: setup train test lint docs clean
+.PHONY: setup train test test-floor lint docs clean
 
 setup: .venv/ready
 
@@ -25,6 +29,11 @@ lint: setup
 test: setup lint
 	$(BIN)/python -m pytest --numprocesses 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m interpreted --cov --cov-report=term
+
+test-floor: setup
+	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(FLOOR_PATH) "gymnasium==$(FLOOR)"
+	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pip show gymnasium | grep "^Version: $(FLOOR)"
+	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pytest --numprocesses 2 $(FLOOR_TESTS:%=tests/test_%.py)
 
 docs: setup
 	$(BIN)/python -m pip install --quiet --group docs

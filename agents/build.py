@@ -5,7 +5,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.vector import VectorEnv, VectorWrapper
+from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from agents.arms import ARMS, Arm
 from agents.config import HYPERPARAMS, Experiment
@@ -34,7 +34,10 @@ def make_vector_env(experiment: Experiment, n: int, is_shielded: bool) -> Vector
         ValueError, TypeError: naming what of the experiment does not fit.
     """
     one_of("env", experiment.env, tuple(IDS))
-    env = gymnasium.make_vec(experiment.env, n, action=experiment.action, **experiment.env_kwargs)
+    env: Any = gymnasium.make_vec(experiment.env, n, action=experiment.action, **experiment.env_kwargs)
+    # Whoever counts episodes here takes every step for a transition.
+    if env.autoreset_mode is not AutoresetMode.SAME_STEP:
+        raise ValueError(f"autoreset_mode must be 'SameStep' in a run, got {env.autoreset_mode.value!r}")
     return VectorShieldWrapper(env, **experiment.shield) if is_shielded else env
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_env.task import VELOCITY_SCALE
+from shields.info import shield_in
 
 EPISODE = np.dtype(
     [
@@ -69,8 +70,9 @@ class EpisodeCounter:
         np.minimum(episodes["clearance"], info["clearance"], out=episodes["clearance"])
         for name in ENDINGS:
             episodes[name] |= info[name]
-        if "shield" in info:
-            self._add_shield(info["shield"])
+        told = shield_in(info)
+        if told is not None:
+            self._add_shield(told)
         ended = terminated | truncated
         if not ended.any():
             self._note_speed(observations)

@@ -14,6 +14,7 @@ from agents.runs import Run, spelled
 from agents.trace import chosen
 from agents.video import check_video, write_video
 from quadsafe_env.settings import scene_integer
+from shields.info import shield_in
 
 ENDS = {
     "violation": "collided",
@@ -50,7 +51,8 @@ class Flight:
 
     def _count(self, info: dict[str, Any], is_over: bool) -> None:
         self._steps += 1
-        self._acted += "shield" in info and info["shield"]["intervened"]
+        told = shield_in(info)
+        self._acted += told is not None and told["intervened"]
         self._clearance = min(self._clearance, info["clearance"])
         if is_over:
             self._end = next((end for key, end in ENDS.items() if info[key]), "ran out of time")

@@ -55,7 +55,11 @@ class SnapFilter(Protocol):
         ...
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
-        """Forget the rows of ``mask``: their next call belongs to a new episode."""
+        """Forget the rows of ``mask``: their next call belongs to a new episode.
+
+        A row that a policy step only resets (``quadsafe_env.autoreset``, "NextStep") is reset before the first
+        call of the step and after its last; what is answered for it in between is not part of an episode.
+        """
         ...
 
 

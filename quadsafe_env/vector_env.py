@@ -4,12 +4,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
+from quadsafe_env.autoreset import MODES, mode_from, told
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.plant_access import PlantAccess
@@ -21,26 +23,32 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.state import STATE_SIZE
-from quadsafe_env.world import INFO_KEYS
 
 RENDER_MODES = ("rgb_array",)
-MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 
 
 class QuadrotorVectorEnv(PlantAccess, VectorEnv):
     """N rows of ``QuadrotorEnv`` in one world; spaces, rewards and info keys are those of the single env.
 
     Row i of ``reset(seed=s)`` is the single env's ``reset(seed=s + i)``, bit for bit, and so is every step
-    after it. Rows that end are reset in the same step: ``info["final_obs"]`` and ``info["final_info"]`` then
-    hold their last observation and info, with masks ``_final_obs`` and ``_final_info``. The top-level info
-    always describes the transition just made, also for a row that was reset. A row whose action is not
-    finite ends with ``invalid_action``, unless the env is shielded. As with ``gym.make``, an episode that ends
-    by itself in the very step of its time limit is both terminated and truncated.
+    after it. A row whose action is not finite ends with ``invalid_action``, unless the env is shielded. As with
+    ``gym.make``, an episode that ends by itself in the very step of its time limit is both terminated and
+    truncated.
+
+    What becomes of rows that ended is ``autoreset_mode``, as in Gymnasium's own vector envs:
+
+    - "SameStep": they are reset in the same step. ``info["final_obs"]`` and ``info["final_info"]`` hold their
+      last observation and info, with masks ``_final_obs`` and ``_final_info``. The rest of the info always
+      describes the transition just made, also for a row that was reset; Gymnasium's own put the reset's there.
+    - "NextStep": the next step ignores their action and resets them, with reward 0 and the info of a reset.
+    - "Disabled": they wait for ``reset(options={"reset_mask": mask})``; ``step`` raises
+      ``gymnasium.error.ResetNeeded`` until then, before it flies any row.
 
     Args:
         num_envs: number of rows N.
         max_episode_steps: time limit, policy steps; None for no limit.
         render_mode: None or "rgb_array": ``render()`` gives one frame a row.
+        autoreset_mode: ``gymnasium.vector.AutoresetMode``, or the value or name of one.
         settings: see ``quadsafe_env.settings.build_world``.
     """
 
@@ -56,30 +64,50 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         *,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **settings: Any,
     ):
         self.num_envs = positive_integer("num_envs", num_envs)
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self._world = build_world(self.num_envs, self.render_mode, **settings)
-        self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
+        mode = mode_from(autoreset_mode)
+        self.metadata = {**self.metadata, "render_fps": self._world.rates.policy, "autoreset_mode": mode}
         self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)
         self.single_observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         # Without a limit, no count of steps reaches it.
-        self._limit = (
+        limit = (
             np.inf if max_episode_steps is None else positive_integer("max_episode_steps", max_episode_steps)
         )
-        self._steps = np.zeros(self.num_envs, dtype=np.int64)
-        self._everyone = np.ones(self.num_envs, dtype=np.bool_)
+        self._episodes = MODES[mode](self._world, limit)
         self._is_seeded = False
+        self._spec: EnvSpec | None = None
+
+    @property
+    def autoreset_mode(self) -> AutoresetMode:
+        """What becomes of rows that ended; fixed when the env is made."""
+        return self._episodes.mode
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What ``make_vec`` was told."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, value: EnvSpec | None) -> None:
+        # An enum is no JSON, its value is.
+        if value is not None and "autoreset_mode" in value.kwargs:
+            value.kwargs["autoreset_mode"] = self.autoreset_mode.value
+        self._spec = value
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
         """Start an episode in every row.
 
         Args:
             seed: s for the scenes s, s + 1, …; or one integer a row, None for a row that carries on.
-            options: {"scene": [k_0, …]} flies given scenes; {"reset_mask": (N,) bool} resets some rows only.
+            options: {"scene": [k_0, …]} flies given scenes; {"reset_mask": (N,) bool} resets some rows only,
+                and the masks of the info are then those rows.
 
         Raises:
             ValueError: for a seed or scene out of range, or not one a row, or another kind of mask.
@@ -92,30 +120,23 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             self._world.reset_to(rows, key_words([scene_integer(f"scene[{i}]", scenes[i]) for i in rows]))
         else:
             self._world.reset(rows)
-        self._steps[rows] = 0
-        return self._world.observed(), told(self._world.outcome()[2], self._everyone)
+        self._episodes.steps[rows] = 0
+        mask = np.zeros(self.num_envs, dtype=np.bool_)
+        mask[rows] = True
+        return self._world.observed(), told(self._world.outcome()[2], mask)
 
     def step(self, actions: ArrayLike):
         """Fly one policy step in every row.
 
         Raises:
             TypeError, ValueError: for no numbers or a wrong shape.
+            gymnasium.error.ResetNeeded: in the mode "Disabled", for a row that ended.
         """
-        rows = action_array("actions", actions, (self.num_envs, 4))
-        observations = self._world.step(rows)
-        rewards, terminated, values = self._world.outcome()
-        info = told(values, self._everyone)
-        self._steps += 1
-        truncated = self._steps >= self._limit
-        done = terminated | truncated
-        if np.count_nonzero(done):
-            info |= self._final(done, observations)
-            observations = self._begin_again(done, observations)
-        return observations, rewards, terminated, truncated, info
+        return self._episodes.step(action_array("actions", actions, (self.num_envs, 4)))
 
     def snapshot(self) -> dict[str, NDArray]:
         """All that the rows remember, as copies, for ``restore``; the filter in the slot has its own memory."""
-        return {**self._world.snapshot(), "steps": self._steps.copy()}
+        return {**self._world.snapshot(), "steps": self._episodes.steps.copy()}
 
     def restore(self, snapshot: Mapping[str, NDArray]) -> None:
         """Go on, bit for bit, where an equal vector env was when it gave this snapshot.
@@ -124,7 +145,7 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
             ValueError: for the snapshot of another size.
         """
         self._world.restore({name: array for name, array in snapshot.items() if name != "steps"})
-        self._steps[:] = snapshot["steps"]
+        self._episodes.steps[:] = snapshot["steps"]
         self._is_seeded = True
 
     def render(self):
@@ -132,22 +153,6 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         if self.render_mode is None:
             return None
         return tuple(self._world.picture(i) for i in range(self.num_envs))
-
-    def _final(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> dict[str, Any]:
-        return {
-            "final_obs": observations,
-            "_final_obs": done.copy(),
-            "final_info": told(self._world.outcome()[2], done),
-            "_final_info": done.copy(),
-        }
-
-    def _begin_again(self, done: NDArray[np.bool_], observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Reset the rows that ended; the observations with theirs, a fresh array."""
-        ended, observations = np.flatnonzero(done), observations.copy()
-        self._world.reset(ended)
-        self._world.observe(ended, observations)
-        self._steps[ended] = 0
-        return observations
 
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:
@@ -209,8 +214,3 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
     def obstacles(self) -> Spheres:
         """Keep-out spheres: center (N, K, 3) and radius (N, K), m, copies."""
         return Spheres(self._world.scenes.center.copy(), self._world.scenes.radius.copy())
-
-
-def told(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Gymnasium's convention for vector infos: beside every key the mask of the rows that have it."""
-    return dict(zip(INFO_KEYS, values, strict=True)) | dict.fromkeys(MASKS, mask.copy())

@@ -177,6 +177,11 @@ class World:
         self.words[rows] = words
         self._place(rows)
 
+    def restart(self, rows: NDArray[np.intp]) -> None:
+        """Place the given rows at the start of their present scene."""
+        place_rows(rows, self._constants, self.scenes.start, self.states)
+        self._begin(rows)
+
     def start_from(self, states: NDArray[np.float64]) -> None:
         """Start the episode of every row over from the given states (N, 20), in its present scene."""
         self.states[:] = states
@@ -185,8 +190,7 @@ class World:
     def _place(self, rows: NDArray[np.intp]) -> None:
         self._episodes[rows] += 1
         self._source.draw(self.words, rows, self.scenes)
-        place_rows(rows, self._constants, self.scenes.start, self.states)
-        self._begin(rows)
+        self.restart(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
         begin_rows(

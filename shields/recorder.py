@@ -28,7 +28,7 @@ from shields.filtered import (
 )
 from shields.shield import Shield
 
-# The keys of ``info["shield"]``: lines of vectors, numbers, counts and flags.
+# The keys of what is told: lines of vectors, numbers, counts and flags.
 SNAPS = ("snap_desired", "snap_applied")
 NUMBERS = ("correction", "value", "reserve")
 COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
@@ -88,18 +88,22 @@ def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
 class Recorder:
     """A shield in the slot, and what it did over the policy step.
 
+    Rows that are reset after ``begin`` and before the first call of ``filter`` begin an episode in place of
+    flying: of them is told what is told at a reset, whatever ``filter`` answers.
+
     An exception of a shield that has answered before loses no episode: every row brakes for that period, as a
     fallback, with a warning. Its first call may raise: then something is wrong with how it was set up.
     """
 
     def __init__(self, shield: Shield, rows: int):
         self.shield, self._periods, self._has_answered = shield, 0, False
+        self._begun: NDArray[np.bool_] | None = None
         self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
         self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((5, rows), dtype=np.bool_)
 
     def begin(self) -> None:
         """Open a policy step."""
-        self._periods = 0
+        self._periods, self._begun = 0, None
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
@@ -117,13 +121,20 @@ class Recorder:
         return answer
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the shield's memory of these rows; what they did in this step stays."""
+        """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         self.shield.reset(mask)
+        if self._periods == 0:
+            begun = np.zeros(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun
+            self._begun = begun | (True if mask is None else mask)
+
+    def begun(self) -> NDArray[np.bool_]:
+        """Rows that began an episode and have not flown since, (N,); all where no reset said which."""
+        return np.ones(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun.copy()
 
     @property
     def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
-        self._open_if_nothing_flown()
+        self._open_where_nothing_flew()
         return self._flags[FLAGS.index("intervened")].copy(), self._counts[COUNTS.index("obstacle")].copy()
 
     @property
@@ -139,25 +150,31 @@ class Recorder:
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
-        self._open_if_nothing_flown()
-        return self._counts[1] / max(self._periods, 1)
+        self._open_where_nothing_flew()
+        return self._counts[COUNTS.index("interventions")] / max(self._periods, 1)
 
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
-        """``info["shield"]`` of every row, fresh arrays, and the mask behind every ``_key``."""
-        self._open_if_nothing_flown()
+        """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
+        self._open_where_nothing_flew()
         snaps, numbers = self._snaps.copy(), self._numbers.copy()
         counts, flags = self._counts.copy(), self._flags.copy()
         values = dict(zip(KEYS, (*snaps, *numbers, *counts, *flags), strict=True))
         return values | dict.fromkeys(MASKS, mask)
 
     def summary_of_one(self) -> dict[str, Any]:
-        """``info["shield"]`` of the only row, numbers as Python's."""
-        self._open_if_nothing_flown()
+        """What is told of the only row, numbers as Python's."""
+        self._open_where_nothing_flew()
         desired, applied = self._snaps[:, 0].copy()
         numbers, counts = self._numbers.reshape(-1).tolist(), self._counts.reshape(-1).tolist()
         flags = self._flags.reshape(-1).tolist()
         return dict(zip(KEYS, (desired, applied, *numbers, *counts, *flags), strict=True))
 
-    def _open_if_nothing_flown(self) -> None:
+    def _open_where_nothing_flew(self) -> None:
+        record = (self._snaps, self._numbers, self._counts, self._flags)
         if self._periods == 0:
-            open_batch(self._snaps, self._numbers, self._counts, self._flags)
+            open_batch(*record)
+        elif self._begun is not None:
+            opened = [np.empty_like(part) for part in record]
+            open_batch(*opened)
+            for part, new in zip(record, opened, strict=True):
+                part[:, self._begun] = new[:, self._begun]

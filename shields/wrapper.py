@@ -2,10 +2,12 @@
 
 A plant with a slot has, on ``env.unwrapped``, the attributes ``snap_filter`` (the slot) and ``is_shielded``.
 It calls ``snap_filter.filter(flat, center, radius, snap, period)`` once per control period, batched, flies
-the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew. Its pictures may
-ask ``snap_filter.done`` what the shield did.
+the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew. Rows that it
+resets before the first call of a policy step begin an episode in that step in place of flying. Its pictures
+may ask ``snap_filter.done`` what the shield did.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import gymnasium
@@ -13,7 +15,8 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import non_negative_number
+from quadsafe_core.checks import non_negative_number, one_of
+from shields.info import INFO_FORMATS
 from shields.plant_settings import plain_settings, settings_for
 from shields.recorder import Recorder
 from shields.shield import Shield
@@ -45,6 +48,10 @@ class Installation:
         self._plant.snap_filter = self._before
 
 
+def _format(info_format: str) -> Callable[..., dict[str, Any]]:
+    return INFO_FORMATS[one_of("info_format", info_format, tuple(INFO_FORMATS))]
+
+
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     """Shields an environment with a filter slot.
 
@@ -73,6 +80,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         env: the environment; ``env.unwrapped`` has the slot.
         intervention_penalty: taken off the reward, times the share of the step's control periods in which
             the shield intervened.
+        info_format: "nested", or "flat" for ``info["shield/correction"]`` and so on, where a logger or a tensor
+            container takes no dictionaries inside ``info``.
         inner_loop: how the error is covered with which the plant flies a held snap. "proved": flights keep to
             numbers for which the plant has a bound of it, and stops keep a tube of that width clear.
             "measured": numbers as they are given; the margin covers the error in what was measured. Method
@@ -96,13 +105,15 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         *,
         intervention_penalty: float = 0.0,
         inner_loop: str = "proved",
+        info_format: str = "nested",
         **settings: Any,
     ):
+        self._format = _format(info_format)
         shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
         # What was given, not what the plant made of it: a rebuilt env may fly another vehicle.
-        given = plain_settings(settings)
-        RecordConstructorArgs.__init__(self, intervention_penalty=penalty, inner_loop=inner_loop, **given)
+        kept = {"intervention_penalty": penalty, "inner_loop": inner_loop, "info_format": info_format}
+        RecordConstructorArgs.__init__(self, **{**kept, **plain_settings(settings)})
         gymnasium.Wrapper.__init__(self, env)
         self._penalty = penalty
         self._installation = Installation(env.unwrapped, shield, rows=1)
@@ -121,16 +132,19 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         """Reset the environment; ``info`` gets "shield"."""
         self._installation.begin()
         observation, info = self.env.reset(seed=seed, options=options)
-        return observation, {**info, "shield": self._installation.recorder.summary_of_one()}
+        return observation, self._with_shield(info)
 
     def step(self, action: Any):
         """Step the environment; ``info`` gets "shield", the reward its penalty."""
         self._installation.begin()
         observation, reward, terminated, truncated, info = self.env.step(action)
-        recorder = self._installation.recorder
         if self._penalty > 0.0:
-            reward = float(reward) - self._penalty * float(recorder.intervened_share()[0])
-        return observation, reward, terminated, truncated, {**info, "shield": recorder.summary_of_one()}
+            share = self._installation.recorder.intervened_share()
+            reward = float(reward) - self._penalty * float(share[0])
+        return observation, reward, terminated, truncated, self._with_shield(info)
+
+    def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
+        return {**info, **self._format(self._installation.recorder.summary_of_one())}
 
 
 class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
@@ -140,6 +154,10 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
     ``info["shield"]`` has the keys of ``ShieldWrapper``, each an array with a leading N beside its mask
     ``_key``. It describes the transition just made, also for a row that was reset in the same step;
     ``info["final_info"]["shield"]``, where there is one, is the same with the mask of the rows that ended.
+    For a row that a step only resets, as in the mode "NextStep", it is that of a reset.
+
+    With ``info_format="flat"`` it is ``info["shield/correction"]`` with its mask ``_shield/correction``, and so
+    on. ``info["final_info"]`` stays a dictionary, flat inside, as Gymnasium has it.
 
     ``spec`` is None: a vector environment rebuilt from a spec would lose the shield without a word.
 
@@ -147,6 +165,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         env: the vector environment; ``env.unwrapped`` has the slot.
         intervention_penalty: as in ``ShieldWrapper``.
         inner_loop: as in ``ShieldWrapper``.
+        info_format: as in ``ShieldWrapper``.
         settings: as in ``ShieldWrapper``.
 
     Raises:
@@ -160,13 +179,20 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         *,
         intervention_penalty: float = 0.0,
         inner_loop: str = "proved",
+        info_format: str = "nested",
         **settings: Any,
     ):
         super().__init__(env)
+        self._format = _format(info_format)
         self._everyone = np.ones(env.num_envs, dtype=np.bool_)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
         shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
         self._installation = Installation(env.unwrapped, shield, rows=env.num_envs)
+
+    @property
+    def autoreset_mode(self) -> gymnasium.vector.AutoresetMode | None:
+        """What becomes of rows that ended, as ``metadata`` has it."""
+        return self.metadata.get("autoreset_mode")
 
     @property
     def spec(self) -> None:
@@ -187,7 +213,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         """Reset the environment; ``info`` gets "shield"."""
         self._installation.begin()
         observations, info = self.env.reset(seed=seed, options=options)
-        return observations, self._with_shield(info)
+        return observations, self._with_shield(info, self._installation.recorder.begun())
 
     def step(self, actions: Any):
         """Step the environment; ``info`` gets "shield", the rewards their penalty."""
@@ -195,13 +221,13 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         observations, rewards, terminated, truncated, info = self.env.step(actions)
         if self._penalty > 0.0:
             rewards = rewards - self._penalty * self._installation.recorder.intervened_share()
-        return observations, rewards, terminated, truncated, self._with_shield(info)
+        return observations, rewards, terminated, truncated, self._with_shield(info, self._everyone.copy())
 
-    def _with_shield(self, info: dict[str, Any]) -> dict[str, Any]:
-        info = {**info, **self._told(self._everyone.copy())}
+    def _with_shield(self, info: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+        info = {**info, **self._told(mask)}
         if "final_info" in info:
             info["final_info"] = {**info["final_info"], **self._told(info["_final_info"].copy())}
         return info
 
     def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
-        return {"shield": self._installation.recorder.summary(mask), "_shield": mask}
+        return self._format(self._installation.recorder.summary(mask), mask)

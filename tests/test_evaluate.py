@@ -220,6 +220,11 @@ def test_checked_spells_out_the_shield():
         (Experiment(action="thrust"), "action must be one of"),
         (Experiment(env_kwargs={"policy_hz": 7}), "policy_hz must divide"),
         (Experiment(env_kwargs={"wings": 2}), "unexpected keyword argument 'wings'"),
+        (
+            Experiment(env_kwargs={"autoreset_mode": "NextStep"}),
+            "autoreset_mode must be 'SameStep' in a run, got",
+        ),
+        (Experiment(shield={"info_format": "tidy"}), "info_format must be one of 'nested', 'flat'"),
         (Experiment(shield={"snap_max": -1}), "snap_max must be a finite number > 0"),
         (Experiment(shield={"armour": 2}), "unexpected keyword argument 'armour'"),
     ],

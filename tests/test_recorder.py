@@ -104,6 +104,53 @@ def test_the_next_step_starts_anew():
     assert told["interventions"].tolist() == [0, 0] and told["certified"].all() and told["in_set"].all()
 
 
+class Forgetful(Script):
+    """A script that may be reset."""
+
+    def reset(self, mask):
+        pass
+
+
+BUSY = dict(correction=3.0, obstacle=0, intervened=True, stopped=True, certified=False, value=-1.0)
+
+
+def told_after(*calls):
+    """The summary of two rows after a step of filtering (None), and resets of the given rows, in this order."""
+    recorder = Recorder(Forgetful(*[[((0.0, 0.0, 0.0), BUSY)] * 2] * len(calls)), 2)  # type: ignore[arg-type]
+    recorder.begin()
+    for rows in calls:
+        if rows is None:
+            recorder.filter(None, None, None, np.ones((2, 3)), 0.01)
+        else:
+            recorder.reset(np.array(rows))
+    return recorder.summary(np.ones(2, dtype=bool)), recorder
+
+
+@pytest.mark.interpreted
+def test_a_row_that_is_reset_before_it_flies_has_nothing_to_tell():
+    told, recorder = told_after([False, True], None, None, [False, True])
+    nothing = Recorder(Script(), 2).summary(np.ones(2, dtype=bool))  # type: ignore[arg-type]
+    flown, _ = told_after(None, None)
+    for name in nothing:
+        assert np.array_equal(told[name][0], flown[name][0]), name
+        assert np.array_equal(told[name][1], nothing[name][1]), name
+    assert recorder.intervened_share().tolist() == [1.0, 0.0]
+    assert [entry.tolist() for entry in recorder.done] == [[True, False], [0, -1]]
+    assert recorder.begun().tolist() == [False, True]
+
+
+@pytest.mark.interpreted
+def test_a_row_that_is_reset_after_it_flew_keeps_what_it_did():
+    told, recorder = told_after(None, [True, True])
+    assert told["intervened"].all() and recorder.intervened_share().tolist() == [1.0, 1.0]
+    recorder.begin()
+    recorder.reset(np.array([True, False]))
+    recorder.reset(np.array([False, False]))
+    assert recorder.begun().tolist() == [True, False]
+    recorder.reset()
+    assert recorder.begun().tolist() == [True, True]
+
+
 @pytest.mark.interpreted
 def test_the_only_row_is_told_as_the_rows_are():
     told, _ = recorded([((7.0, 8.0, 9.0), dict(correction=1.0, obstacle=3, fallback=True))] * 2)

@@ -102,6 +102,23 @@ def test_single_environments_side_by_side_have_the_same_costs(mode):
     assert collisions == violations > 0
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP])
+def test_rows_have_the_costs_of_single_environments_side_by_side(mode):
+    beside = SafetyGymnasiumVectorEnv(SyncVectorEnv([single] * 2, autoreset_mode=mode))
+    rows = SafetyGymnasiumVectorEnv(gymnasium.make_vec(NAME, 2, autoreset_mode=mode))
+    observations, _ = rows.reset(seed=3)
+    beside.reset(seed=3)
+    collisions = 0
+    for _ in range(200):
+        actions = towards(observations)
+        observations, rewards, costs, *_ = rows.step(actions)
+        others = beside.step(actions)
+        for mine, theirs in zip((observations, rewards, costs), others, strict=False):
+            np.testing.assert_array_equal(mine, theirs)
+        collisions += int(costs.sum())
+    assert collisions > 0
+
+
 def test_an_environment_without_costs_is_refused():
     safety = SafetyGymnasiumEnv(gymnasium.make("CartPole-v1"))
     safety.reset(seed=0)

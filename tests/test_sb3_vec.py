@@ -3,7 +3,8 @@
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.vector import SyncVectorEnv
+from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
@@ -195,6 +196,31 @@ def test_works_under_the_wrappers_of_stable_baselines():
     assert max(lengths) == LIMIT
     assert all(info["terminal_observation"].shape == (20,) for info in infos if "terminal_observation" in info)
     wrapped.close()
+
+
+def test_flat_info_is_counted_alike_and_reaches_the_infos_of_the_rows():
+    nested, flat = (
+        Sb3VectorEnv(VectorShieldWrapper(make_env(), info_format=name)) for name in ("nested", "flat")
+    )
+    acted = 0
+    for env in (nested, flat):
+        env.seed(11)
+    seen = nested.reset(), flat.reset()
+    for _ in range(STEPS):
+        outcomes = [env.step(towards_goal(found)) for env, found in zip((nested, flat), seen, strict=True)]
+        seen = [outcome[0] for outcome in outcomes]
+        assert data_equivalence(nested.finished, flat.finished, exact=True)
+        acted += int(flat.finished["interventions"].sum())
+        told = nested.transition["shield"]["correction"].tolist()
+        assert [info["shield/correction"] for info in outcomes[1][3]] == told
+    assert acted > 10
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED])
+def test_another_autoreset_mode_of_our_own_env_is_refused_too(mode):
+    for env in (make_env(autoreset_mode=mode), VectorShieldWrapper(make_env(autoreset_mode=mode))):
+        with pytest.raises(ValueError, match=rf"must reset ended rows in the same step, got .*{mode.name}"):
+            Sb3VectorEnv(env)
 
 
 def test_an_env_that_resets_a_step_late_is_refused():

@@ -473,20 +473,6 @@ def test_bad_keyword(keywords, sentence):
     assert str(caught.value) == sentence
 
 
-def test_gymnasiums_vector_wrappers_count_episodes():
-    rows = gymnasium.make_vec("QuadSafe/Avoid-v0", 4, max_episode_steps=20)
-    counted = gymnasium.wrappers.vector.RecordEpisodeStatistics(rows)
-    counted.reset(seed=0)
-    rng = np.random.default_rng(0)
-    episodes = 0
-    for _ in range(50):
-        *_, info = counted.step(rng.uniform(-0.2, 0.2, (4, 4)).astype(np.float32))
-        if "episode" in info:
-            episodes += int(info["_episode"].sum())
-            assert (info["episode"]["l"][info["_episode"]] == 20).all()
-    assert episodes == 8
-
-
 @pytest.mark.interpreted
 def test_both_faces_agree_in_a_few_steps():
     rows, env = vector(2), gymnasium.make("QuadSafe/Avoid-v0")

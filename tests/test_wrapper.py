@@ -9,12 +9,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
-from gymnasium.utils.env_checker import check_env
+from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
+from shields.info import shield_in
 
 AVOID = "QuadSafe/Avoid-v0"
 SNAP = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float32)
@@ -280,6 +281,62 @@ def test_vector_wrapper_has_no_spec_and_can_be_removed():
     assert twin.unwrapped.is_shielded
 
 
+def as_flat(summary):
+    """The entries of a nested summary under their flat names."""
+    return {f"_shield/{key[1:]}" if key[0] == "_" else f"shield/{key}": entry for key, entry in summary.items()}
+
+
+@pytest.mark.interpreted
+def test_flat_info_of_one_plant_is_the_nested_one_under_other_names():
+    nested, flat = ShieldWrapper(EchoEnv()), ShieldWrapper(EchoEnv(), info_format="flat")
+    for (*_, told), (*_, info) in ((nested.reset(), flat.reset()), (nested.step(ATTACK), flat.step(ATTACK))):
+        assert set(info) == {"cost"} | {f"shield/{key}" for key in KEYS}
+        assert data_equivalence(info, {"cost": 0.0, **as_flat(told["shield"])}, exact=True)
+        assert shield_in(info).keys() == told["shield"].keys() == KEYS
+        assert data_equivalence(shield_in(info), shield_in(told), exact=True)
+        assert all(type(entry) in (float, int, bool, np.ndarray) for entry in info.values())
+    assert shield_in({"cost": 0.0}) is None
+
+
+@pytest.mark.interpreted
+def test_flat_info_of_rows_has_a_mask_beside_every_entry_and_nests_nothing_but_final_info():
+    actions = np.array([[ATTACK[0], 1.0, 0.0], ATTACK, CALM])
+    nested, flat = (
+        VectorShieldWrapper(EchoVectorEnv()),
+        VectorShieldWrapper(EchoVectorEnv(), info_format="flat"),
+    )
+    names = {name for key in KEYS for name in (f"shield/{key}", f"_shield/{key}")}
+    for (*_, told), (*_, info) in ((nested.reset(), flat.reset()), (nested.step(actions), flat.step(actions))):
+        assert set(info) - {"final_info", "_final_info"} == names
+        for inside, expected in ((info, told), (info.get("final_info"), told.get("final_info"))):
+            if inside is not None:
+                assert all(isinstance(inside[name], np.ndarray) for name in names)
+                found = {name: inside[name] for name in names}
+                assert data_equivalence(found, as_flat(expected["shield"]), exact=True)
+                assert np.array_equal(inside["_shield/value"], expected["_shield"])
+    assert info["final_info"]["_shield/correction"].tolist() == [True, False, False]
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("value", ["Flat", None, ("flat",)])
+def test_another_format_is_refused_and_leaves_the_environment_alone(value):
+    for make, env in ((ShieldWrapper, EchoEnv()), (VectorShieldWrapper, EchoVectorEnv())):
+        with pytest.raises(ValueError) as caught:
+            make(env, info_format=value)
+        assert str(caught.value) == f"info_format must be one of 'nested', 'flat', got {value!r}"
+        assert not env.is_shielded
+
+
+@pytest.mark.interpreted
+def test_format_survives_every_rebuild():
+    env = ShieldWrapper(gymnasium.make(AVOID), info_format="flat")
+    specs = (env.spec, EnvSpec.from_json(env.spec.to_json()))
+    twins = [gymnasium.make(spec) for spec in specs]
+    for twin in (*twins, copy.deepcopy(env), pickle.loads(pickle.dumps(env))):
+        _, info = twin.reset(seed=0)
+        assert "shield/certified" in info and "shield" not in info
+
+
 def attack(env):
     """Full speed at the sphere."""
     plant = env.unwrapped
@@ -310,7 +367,7 @@ def test_avoid_is_rebuilt_with_its_shield_from_the_spec():
         assert np.array_equal(a[0], b[0])
         assert a[1] == b[1]
     recorded = json.loads(env.spec.to_json())["additional_wrappers"][-1]["kwargs"]
-    assert recorded == {"intervention_penalty": 0.1, **env.shield.settings}
+    assert recorded == {"intervention_penalty": 0.1, "info_format": "nested", **env.shield.settings}
 
 
 @pytest.mark.interpreted
