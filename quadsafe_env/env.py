@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.counter_rng import key_words
+from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
@@ -16,10 +17,8 @@ from quadsafe_env.settings import (
     action_array,
     build_world,
     check_render_mode,
-    exact_array,
     scene_integer,
 )
-from quadsafe_env.state import STATE_SIZE
 
 ROW = np.zeros(1, dtype=np.intp)
 
@@ -154,13 +153,14 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
     def state(self) -> NDArray[np.float64]:
         """The plant's state (20,), a copy; see ``quadsafe_env.state``.
 
-        Setting it starts the episode over from there, in the present scene; the time limit runs on.
+        Setting it starts the episode over from there, in the present scene; the time limit runs on. What the
+        model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.
         """
         return self._world.states[0].copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.start_from(exact_array("state", value, (STATE_SIZE,)))
+        self._world.start_from(given_states(value, (), self._world))
 
     @property
     def goal(self) -> NDArray[np.float64]:

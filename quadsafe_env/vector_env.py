@@ -11,16 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
+from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
     build_world,
     check_render_mode,
-    exact_array,
     scene_integer,
 )
-from quadsafe_env.state import STATE_SIZE
 from quadsafe_env.world import INFO_KEYS
 
 RENDER_MODES = ("rgb_array",)
@@ -192,13 +191,14 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
     def state(self) -> NDArray[np.float64]:
         """The plant's states (N, 20), a copy; see ``quadsafe_env.state``.
 
-        Setting them starts every episode over from there, in its present scene; time limits run on.
+        Setting them starts every episode over from there, in its present scene; time limits run on. What the
+        model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.
         """
         return self._world.states.copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.start_from(exact_array("state", value, (self.num_envs, STATE_SIZE)))
+        self._world.start_from(given_states(value, (self.num_envs,), self._world))
 
     @property
     def goal(self) -> NDArray[np.float64]:
