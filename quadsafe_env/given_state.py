@@ -17,8 +17,8 @@ LARGEST_TURN = 0.3  # rad
 def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> NDArray[np.float64]:
     """States (…, 20) to fly from, a fresh array.
 
-    An attitude Q is taken if no entry is further than 1e-6 from the nearest rotation, which is U diag(1, 1, ±1) Vᵀ
-    for Q = U S Vᵀ, and is then replaced by that; a rotation to 1e-12 stays bit for bit.
+    An attitude Q = U S Vᵀ is taken if no entry is further than 1e-6 from the nearest rotation,
+    U diag(1, 1, ±1) Vᵀ, and is then replaced by that; a rotation to 1e-12 stays bit for bit.
 
     Args:
         value: the states, laid out as in ``quadsafe_env.state``.
@@ -26,9 +26,9 @@ def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> ND
         world: that shall fly on from them.
 
     Raises:
-        TypeError, ValueError: for another shape, numbers that are not finite, an attitude that is no rotation, a
-            thrust that is not above ``thrust_min`` or with rotor limits above ``thrust_max``, or body rates that
-            turn the vehicle by 0.3 rad or more in a physics step; of N rows it names the first at fault.
+        TypeError, ValueError: for another shape, numbers that are not finite, an attitude that is no rotation,
+            a thrust that is not above ``thrust_min`` or with rotor limits above ``thrust_max``, or body rates
+            that turn the vehicle by 0.3 rad or more in a physics step; of N rows the first at fault is named.
     """
     states = exact_array("state", value, (*leading, STATE_SIZE)).copy()
     rows = states.reshape(-1, STATE_SIZE)
