@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_env.counter_rng import key_words
 from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     RENDER_MODES,
@@ -23,7 +24,7 @@ from quadsafe_env.settings import (
 ROW = np.zeros(1, dtype=np.intp)
 
 
-class QuadrotorEnv(PlantAccess, gymnasium.Env):
+class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     """A quadrotor with thrust dynamics, (29) of the paper, among spheres that it collides with.
 
     ### Action: Box(−1, 1, (4,), float32)

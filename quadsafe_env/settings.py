@@ -87,7 +87,11 @@ def build_world(
     kept: dict[str, Any] = {
         "action": action,
         "spheres": spheres,
-        "rates": Rates(policy_hz, control_hz, physics_hz),
+        "rates": Rates(
+            positive_integer("policy_hz", policy_hz),
+            positive_integer("control_hz", control_hz),
+            positive_integer("physics_hz", physics_hz),
+        ),
         "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
         "rotor_limits": _flag("rotor_limits", rotor_limits),
     }

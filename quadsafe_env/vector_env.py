@@ -13,6 +13,7 @@ from quadsafe_core.checks import positive_integer
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
@@ -26,7 +27,7 @@ RENDER_MODES = ("rgb_array",)
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 
 
-class QuadrotorVectorEnv(PlantAccess, VectorEnv):
+class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
     """N rows of ``QuadrotorEnv`` in one world; spaces, rewards and info keys are those of the single env.
 
     Row i of ``reset(seed=s)`` is the single env's ``reset(seed=s + i)``, bit for bit, and so is every step
