@@ -3,12 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from quadsafe_core.registration import register_environments
-
 if TYPE_CHECKING:
     from stable_baselines3.common.policies import BasePolicy
-
-register_environments()
 
 
 def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "BasePolicy":

@@ -1,4 +1,4 @@
-"""The ids of the three tasks, by name only: importing any room is enough to make its environments."""
+"""The ids of the three tasks, by name only: both islands register them, without importing each other."""
 
 import gymnasium
 

@@ -17,7 +17,9 @@ from quadsafe_env.settings import (
     RENDER_MODES,
     action_array,
     build_world,
+    check_begun,
     check_render_mode,
+    known_options,
     scene_integer,
 )
 
@@ -111,10 +113,11 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
             options: {"scene": k} flies scene k, an integer in [0, 2^64).
 
         Raises:
-            ValueError: for a seed or scene out of range.
+            TypeError, ValueError: for a seed or scene out of range, or another option.
         """
         first = None if seed is None else scene_integer("seed", seed)
-        scene = scene_integer("scene", options["scene"]) if options and "scene" in options else None
+        given = known_options(options, ("scene",))
+        scene = scene_integer("scene", given["scene"]) if "scene" in given else None
         super().reset(seed=first)
         if first is not None or not self._is_seeded:
             self._world.seed(ROW, key_words(int(self.np_random.integers(2**63)) if first is None else first))
@@ -130,7 +133,9 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
         Raises:
             TypeError, ValueError: for no numbers, a wrong shape, or a non-finite action without a shield.
+            gymnasium.error.ResetNeeded: before the first reset.
         """
+        check_begun(self._is_seeded)
         row = action_array("action", action, (4,))
         if not self._world.is_shielded and not math.isfinite(sum(row.tolist())):
             raise ValueError(f"action must be finite, got {row.tolist()}")

@@ -18,7 +18,9 @@ from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
     build_world,
+    check_begun,
     check_render_mode,
+    known_options,
     scene_integer,
 )
 from quadsafe_env.world import INFO_KEYS
@@ -82,9 +84,10 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
             options: {"scene": [k_0, …]} flies given scenes; {"reset_mask": (N,) bool} resets some rows only.
 
         Raises:
-            ValueError: for a seed or scene out of range, or not one a row, or another kind of mask.
+            TypeError, ValueError: for a seed or scene out of range, or not one a row, another kind of mask, or
+                another option.
         """
-        options = options or {}
+        options = dict(known_options(options, ("scene", "reset_mask")))
         rows = self._rows(options.get("reset_mask"))
         self._seed(rows, seed)
         if "scene" in options:
@@ -100,7 +103,9 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
 
         Raises:
             TypeError, ValueError: for no numbers or a wrong shape.
+            gymnasium.error.ResetNeeded: before the first reset.
         """
+        check_begun(self._is_seeded)
         rows = action_array("actions", actions, (self.num_envs, 4))
         observations = self._world.step(rows)
         rewards, terminated, values = self._world.outcome()

@@ -138,8 +138,8 @@ def test_an_example_that_needs_another_one_is_noticed(block, error):
     assert outcome.returncode != 0 and error in outcome.stderr
 
 
-@pytest.mark.parametrize("room", ["shields", "quadsafe_env", "agents", "quadsafe_env.safety_gymnasium"])
-def test_ids_are_known_after_the_import_of_any_room(room):
+@pytest.mark.parametrize("room", ["shields", "quadsafe_env", "agents.build", "quadsafe_env.safety_gymnasium"])
+def test_ids_are_known_after_the_import_of_either_island(room):
     names = "[name for name in gymnasium.registry if name.startswith('QuadSafe/')]"
     block = f"import gymnasium, {room}\nassert len([gymnasium.make(name) for name in {names}]) == 3"
     outcome = run_alone(block)
