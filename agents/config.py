@@ -37,8 +37,10 @@ def _pairs(words: list[str]) -> dict[str, Any]:
     table = {}
     for word in words:
         key, colon, value = word.partition(":")
-        if not colon:
+        if not (key and colon):
             raise ValueError(f"{word!r} must be KEY:VALUE")
+        if key in table:
+            raise ValueError(f"{key} must be given once, got {word!r} after {table[key]!r}")
         try:
             table[key] = ast.literal_eval(value)
         except (ValueError, SyntaxError):
@@ -92,7 +94,7 @@ class Experiment:
 
     def __post_init__(self):
         check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
-        if not isinstance(self.seed, int) or not 0 <= self.seed < SEED_LIMIT:
+        if not _is_integer(self.seed) or not 0 <= self.seed < SEED_LIMIT:
             raise ValueError(f"seed must be an integer in [0, 2^32), got {self.seed!r}")
         if not self.arms or len(set(self.arms)) < len(self.arms) or set(self.arms) - set(ARMS):
             raise ValueError(f"arms must be one or several of {', '.join(ARMS)}, got {list(self.arms)}")
@@ -134,8 +136,10 @@ class Options:
 
     def __post_init__(self):
         check_positive(self, "num_threads", "save_freq")
-        if not isinstance(self.n_jobs, int) or self.n_jobs < 0:
+        if not _is_integer(self.n_jobs) or self.n_jobs < 0:
             raise ValueError(f"n_jobs must be an integer >= 0, got {self.n_jobs!r}")
+        if self.engine not in ("local", "ray"):
+            raise ValueError(f"engine must be 'local' or 'ray', got {self.engine!r}")
         if self.address is not None and self.engine != "ray":
             raise ValueError(f"address must come with --engine ray, got {self.address!r}")
 
@@ -180,5 +184,9 @@ def check_positive(settings: Any, *names: str) -> None:
     # Not quadsafe_core.checks, which needs numpy: too slow for --help.
     for name in names:
         value = getattr(settings, name)
-        if not isinstance(value, int) or value < 1:
+        if not _is_integer(value) or value < 1:
             raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

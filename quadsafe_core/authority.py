@@ -7,14 +7,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, positive_number
+from quadsafe_core.checks import checked_when_made, finite_array, non_negative_number, positive_number
 from quadsafe_core.jit import kernel
 
 
+def _checked(found: "Authority") -> "Authority":
+    """Every number a float above 0, and hover within the band."""
+    numbers = [positive_number(f"authority.{field}", value) for field, value in found._asdict().items()]
+    _, _, least, most, gravity = numbers
+    if not least < gravity < most:
+        raise ValueError(
+            f"authority must have thrust_min < gravity < thrust_max, got {least:g}, {gravity:g} and {most:g}"
+        )
+    return Authority._make(numbers)
+
+
+@checked_when_made(_checked)
 class Authority(NamedTuple):
     """What a vehicle can always give, whatever its attitude.
 
     Whoever hands one out promises: a flight within these numbers never asks the rotors for more than they have.
+    An authority with a number not above 0, or with hover out of its band, cannot be made.
 
     | field      | unit | meaning                                              |
     |------------|------|------------------------------------------------------|
@@ -55,7 +68,13 @@ class Authority(NamedTuple):
         return out.reshape(upward.shape)
 
     def less(self, share: float) -> "Authority":
-        """Without a share of the snap, of the jerk, and of both ways from hover to the ends of the band."""
+        """Without a share of the snap, of the jerk, and of both ways from hover to the ends of the band.
+
+        Raises:
+            ValueError: for a share not in [0, 1).
+        """
+        if non_negative_number("share", share) >= 1.0:
+            raise ValueError(f"share must be in [0, 1), got {share!r}")
         kept = 1.0 - share
         return Authority(
             kept * self.snap_max,
@@ -94,7 +113,4 @@ def checked_authority(name: str, value: Any) -> Authority:
     table = value._asdict() if isinstance(value, Authority) else value
     if not isinstance(table, Mapping) or set(table) != set(fields):
         raise TypeError(f"{name} must be an Authority or a mapping of {', '.join(fields)}, got {value!r}")
-    found = Authority(**{field: positive_number(f"{name}.{field}", table[field]) for field in fields})
-    if not found.thrust_min < found.gravity < found.thrust_max:
-        raise ValueError(f"{name} must have thrust_min < gravity < thrust_max, got {found}")
-    return found
+    return Authority(**table)

@@ -1,12 +1,17 @@
 """Argument checks of the public functions: one sentence naming the argument, what was expected, what came."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import wraps
+from numbers import Number
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FLOAT = np.dtype(np.float64)
+# Kinds of NumPy's types that are real numbers: integers, without and with a sign, and floats.
+REAL = "iuf"
 
 
 def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
@@ -47,10 +52,25 @@ def _kind(value: object) -> str:
 
 def _as_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
     try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        return real_array(value)
+    except (TypeError, ValueError, OverflowError) as error:
         raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
-    return array.reshape(np.shape(value))
+
+
+def real_array(value: ArrayLike) -> NDArray[np.float64]:
+    """``value`` as C-ordered float64; NumPy would also read strings, truth values and real parts as numbers.
+
+    Raises:
+        TypeError, ValueError, OverflowError: for what is no array of real numbers.
+    """
+    found = np.asarray(value)
+    if not (found.dtype.kind in REAL or (found.dtype.kind == "O" and all(map(_is_number, found.flat)))):
+        raise TypeError
+    return np.asarray(found, dtype=np.float64, order="C")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Number) and not isinstance(value, bool | np.bool_)
 
 
 def finite_number(name: str, value: float) -> float:
@@ -77,19 +97,26 @@ def positive_integer(name: str, value: int) -> int:
     return int(value)
 
 
+def instance_of(name: str, value: Any, kind: type) -> Any:
+    """``value``, an instance of ``kind``."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} must be a {kind.__name__}, got {value!r}")
+    return value
+
+
 def one_of(name: str, value: str, options: Sequence[str]) -> str:
     """``value``, one of ``options``."""
-    if value not in options:
+    if not isinstance(value, str) or value not in options:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, options))}, got {value!r}")
     return value
 
 
 def _number(name, value, expected, accepts) -> float:
-    if isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:
-        raise TypeError(f"{name} must be {expected}, got {value!r}")
     try:
-        number = float(value)
-    except (TypeError, ValueError) as error:
+        if np.ndim(value) != 0:
+            raise TypeError
+        number = float(real_array(value))
+    except (TypeError, ValueError, OverflowError) as error:
         raise TypeError(f"{name} must be {expected}, got {value!r}") from error
     if not accepts(number):
         raise ValueError(f"{name} must be {expected}, got {value!r}")
@@ -106,3 +133,32 @@ def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
         return False
     found = shape[len(shape) - len(trailing) :]
     return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))
+
+
+Tuple = TypeVar("Tuple", bound=tuple)
+
+
+def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], type[Tuple]]:
+    """Decorates a NamedTuple, so that ``check`` sees whatever is made by a call or by ``_replace``.
+
+    ``_make`` checks nothing, and so ``check`` makes what it returns with that. The class remains what a kernel
+    knows: there its fields are typed, and not checked.
+    """
+
+    def decorated(kind: type[Tuple]) -> type[Tuple]:
+        new: Any = kind.__new__
+        replace: Any = kind._replace  # type: ignore[attr-defined]
+
+        @wraps(new)
+        def checked_new(cls, *values, **fields):
+            return check(new(cls, *values, **fields))
+
+        @wraps(replace)
+        def checked_replace(self, /, **fields):
+            return check(replace(self, **fields))
+
+        kind.__new__ = checked_new  # type: ignore[method-assign]
+        kind._replace = checked_replace  # type: ignore[attr-defined]
+        return kind
+
+    return decorated

@@ -89,6 +89,8 @@ def steering_thrust(
         ValueError: for a thrust not above zero, or a negative bound.
     """
     p = params_from(params)
+    for name, value in yaw._asdict().items():
+        non_negative_number(f"yaw.{name}", value)
     h, kappa, delta = _inertia_terms(p)
     turn = non_negative_number("jerk", jerk) / positive_number("thrust", thrust)
     bending = (

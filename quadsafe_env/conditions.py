@@ -34,11 +34,42 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsafe_core.checks import non_negative_number, one_of
+from quadsafe_core.checks import checked_when_made, non_negative_number, one_of
+
+PROBABILITIES = ("loss",)
+FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
 
 
+def _checked(conditions: "Conditions") -> "Conditions":
+    """Every field in its range, and a float but for the delay."""
+    checked = Conditions._make(_field(name, value) for name, value in conditions._asdict().items())
+    if (checked.impulse > 0.0) != (checked.impulse_rate > 0.0):
+        raise ValueError(
+            f"impulse and impulse_rate must both be 0 or both be > 0, "
+            f"got {checked.impulse:g} and {checked.impulse_rate:g}"
+        )
+    return checked
+
+
+def _field(name: str, value: Any) -> float | int:
+    if name == "delay":
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
+            raise ValueError(f"delay must be an integer >= 0, got {value!r}")
+        return int(value)
+    number = non_negative_number(name, value)
+    if name in PROBABILITIES and number > 1.0:
+        raise ValueError(f"{name} must be in [0, 1], got {value!r}")
+    if name in FRACTIONS and number >= 1.0:
+        raise ValueError(f"{name} must be in [0, 1), got {value!r}")
+    return number
+
+
+@checked_when_made(_checked)
 class Conditions(NamedTuple):
-    """What a flight meets beyond the model; the module's text has fields and units. The default is nothing."""
+    """What a flight meets beyond the model; the module's text has fields and units. The default is nothing.
+
+    Conditions with a field out of its range cannot be made.
+    """
 
     position_noise: float = 0.0
     velocity_noise: float = 0.0
@@ -98,7 +129,6 @@ CONDITIONS = {
         jitter=0.2,
     ),
 }
-PROBABILITIES = ("loss",)
 UNBOUNDED = ("rotor_lag", "jitter", "impulse")
 # The turbulence is at most so many standard deviations long.
 TURBULENCE_LIMIT = 3.0
@@ -107,7 +137,6 @@ TURBULENCE_LIMIT = 3.0
 INNER_LOOP = 15.0
 # What bounds are for without other numbers, m/s.
 SPEED_COUNTED_ON = 5.0
-FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
 
 
 def conditions_from(value: "str | Mapping | Conditions | list | tuple | None") -> Conditions:
@@ -127,9 +156,9 @@ def conditions_from(value: "str | Mapping | Conditions | list | tuple | None") -
     if isinstance(value, str):
         return CONDITIONS[one_of("conditions", value, tuple(CONDITIONS))]
     if isinstance(value, Mapping):
-        return _checked(_completed(value))
+        return _completed(value)
     if isinstance(value, tuple | list):
-        return _checked(_from_sequence(value))
+        return _from_sequence(value)
     raise TypeError(f"conditions must be a preset name, a mapping or Conditions, got {value!r}")
 
 
@@ -146,29 +175,6 @@ def _from_sequence(values: "tuple | list") -> Conditions:
         wanted = ", ".join(Conditions._fields)
         raise ValueError(f"conditions as a sequence must hold {wanted}, got {len(values)} values")
     return Conditions(*values)
-
-
-def _checked(conditions: Conditions) -> Conditions:
-    checked = Conditions._make(_field(name, value) for name, value in conditions._asdict().items())
-    if (checked.impulse > 0.0) != (checked.impulse_rate > 0.0):
-        raise ValueError(
-            f"impulse and impulse_rate must both be 0 or both be > 0, "
-            f"got {checked.impulse:g} and {checked.impulse_rate:g}"
-        )
-    return checked
-
-
-def _field(name: str, value: Any) -> float | int:
-    if name == "delay":
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
-            raise ValueError(f"delay must be an integer >= 0, got {value!r}")
-        return int(value)
-    number = non_negative_number(name, value)
-    if name in PROBABILITIES and number > 1.0:
-        raise ValueError(f"{name} must be in [0, 1], got {value!r}")
-    if name in FRACTIONS and number >= 1.0:
-        raise ValueError(f"{name} must be in [0, 1), got {value!r}")
-    return number
 
 
 def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:

@@ -9,22 +9,24 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.counter_rng import key_words
+from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     RENDER_MODES,
     action_array,
     build_world,
+    check_begun,
     check_render_mode,
-    exact_array,
+    known_options,
     scene_integer,
 )
-from quadsafe_env.state import STATE_SIZE
 
 ROW = np.zeros(1, dtype=np.intp)
 
 
-class QuadrotorEnv(PlantAccess, gymnasium.Env):
+class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     """A quadrotor with thrust dynamics, (29) of the paper, among spheres that it collides with.
 
     ### Action: Box(−1, 1, (4,), float32)
@@ -111,10 +113,11 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
             options: {"scene": k} flies scene k, an integer in [0, 2^64).
 
         Raises:
-            ValueError: for a seed or scene out of range.
+            TypeError, ValueError: for a seed or scene out of range, or another option.
         """
         first = None if seed is None else scene_integer("seed", seed)
-        scene = scene_integer("scene", options["scene"]) if options and "scene" in options else None
+        given = known_options(options, ("scene",))
+        scene = scene_integer("scene", given["scene"]) if "scene" in given else None
         super().reset(seed=first)
         if first is not None or not self._is_seeded:
             self._world.seed(ROW, key_words(int(self.np_random.integers(2**63)) if first is None else first))
@@ -130,7 +133,9 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
 
         Raises:
             TypeError, ValueError: for no numbers, a wrong shape, or a non-finite action without a shield.
+            gymnasium.error.ResetNeeded: before the first reset.
         """
+        check_begun(self._is_seeded)
         row = action_array("action", action, (4,))
         if not self._world.is_shielded and not math.isfinite(sum(row.tolist())):
             raise ValueError(f"action must be finite, got {row.tolist()}")
@@ -154,13 +159,14 @@ class QuadrotorEnv(PlantAccess, gymnasium.Env):
     def state(self) -> NDArray[np.float64]:
         """The plant's state (20,), a copy; see ``quadsafe_env.state``.
 
-        Setting it starts the episode over from there, in the present scene; the time limit runs on.
+        Setting it starts the episode over from there, in the present scene; the time limit runs on. What the
+        model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.
         """
         return self._world.states[0].copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.start_from(exact_array("state", value, (STATE_SIZE,)))
+        self._world.start_from(given_states(value, (), self._world))
 
     @property
     def goal(self) -> NDArray[np.float64]:

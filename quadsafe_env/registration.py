@@ -1,20 +1,5 @@
-"""The ids of the three tasks."""
+"""The ids of the three tasks; the floor has them, so that they are known wherever it is."""
 
-import gymnasium
+from quadsafe_core.registration import IDS, TIME_LIMITS, register_environments
 
-IDS = {"QuadSafe/Flight-v0": "flight", "QuadSafe/Avoid-v0": "avoid", "QuadSafe/Forest-v0": "forest"}
-# Time limits in policy steps: 12, 10 and 16 s at the default 25 Hz.
-TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400}
-
-
-def register_environments() -> None:
-    """Register the ids with Gymnasium, for ``gym.make`` and ``gym.make_vec``."""
-    for name, task in IDS.items():
-        if name not in gymnasium.registry:
-            gymnasium.register(
-                name,
-                entry_point="quadsafe_env.env:QuadrotorEnv",
-                vector_entry_point="quadsafe_env.vector_env:QuadrotorVectorEnv",
-                max_episode_steps=TIME_LIMITS[task],
-                kwargs={"task": task},
-            )
+__all__ = ["IDS", "TIME_LIMITS", "register_environments"]

@@ -1,13 +1,14 @@
 """From the keywords of ``gym.make`` to a world."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, one_of, positive_integer
+from quadsafe_core.checks import finite_array, one_of, positive_integer, real_array
 from quadsafe_env.conditions import OFF, conditions_from
 from quadsafe_env.counter_rng import KEY_LIMIT
 from quadsafe_env.disturbed import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
@@ -87,7 +88,11 @@ def build_world(
     kept: dict[str, Any] = {
         "action": action,
         "spheres": spheres,
-        "rates": Rates(policy_hz, control_hz, physics_hz),
+        "rates": Rates(
+            positive_integer("policy_hz", policy_hz),
+            positive_integer("control_hz", control_hz),
+            positive_integer("physics_hz", physics_hz),
+        ),
         "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
         "rotor_limits": _flag("rotor_limits", rotor_limits),
     }
@@ -107,6 +112,31 @@ def scene_integer(name: str, value) -> int:
     if not is_integer or not 0 <= value < KEY_LIMIT:
         raise ValueError(f"{name} must be an integer in [0, 2^64), got {value!r}")
     return int(value)
+
+
+def known_options(options: Any, names: tuple[str, ...]) -> Mapping[str, Any]:
+    """``options`` of a reset, {} for None.
+
+    Raises:
+        TypeError, ValueError: for what is no mapping, or has other keys.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise TypeError(f"options must be a mapping with {', '.join(map(repr, names))}, got {options!r}")
+    for name in options:
+        one_of("a key of options", name, names)
+    return options
+
+
+def check_begun(has_begun: bool) -> None:
+    """Raise unless there is a scene to fly in: before the first reset there is none.
+
+    Raises:
+        gymnasium.error.ResetNeeded: before the first reset.
+    """
+    if not has_begun:
+        raise ResetNeeded("reset must be called before the first step, got a step without it")
 
 
 def exact_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -130,7 +160,7 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     if type(value) is np.ndarray and value.dtype == FLOAT and value.flags.c_contiguous and value.shape == shape:
         return value
     try:
-        wide = np.asarray(value, dtype=np.float64)
+        wide = real_array(value)
         # What only float64 holds would become infinite; it is clipped to 1 in any case.
         array = np.ascontiguousarray(
             np.where(np.isfinite(wide), np.clip(wide, -2.0, 2.0), wide), dtype=np.float32

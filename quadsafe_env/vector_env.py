@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -13,21 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import positive_integer
 from quadsafe_env.autoreset import MODES, mode_from, told
 from quadsafe_env.counter_rng import KEY_LIMIT, key_words
+from quadsafe_env.given_state import given_states
 from quadsafe_env.obstacles import Spheres
+from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
     build_world,
+    check_begun,
     check_render_mode,
-    exact_array,
+    known_options,
     scene_integer,
 )
-from quadsafe_env.state import STATE_SIZE
 
 RENDER_MODES = ("rgb_array",)
 
 
-class QuadrotorVectorEnv(PlantAccess, VectorEnv):
+class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
     """N rows of ``QuadrotorEnv`` in one world; spaces, rewards and info keys are those of the single env.
 
     Row i of ``reset(seed=s)`` is the single env's ``reset(seed=s + i)``, bit for bit, and so is every step
@@ -82,24 +83,11 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
         )
         self._episodes = MODES[mode](self._world, limit)
         self._is_seeded = False
-        self._spec: EnvSpec | None = None
 
     @property
     def autoreset_mode(self) -> AutoresetMode:
         """What becomes of rows that ended; fixed when the env is made."""
         return self._episodes.mode
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """What ``make_vec`` was told."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, value: EnvSpec | None) -> None:
-        # An enum is no JSON, its value is.
-        if value is not None and "autoreset_mode" in value.kwargs:
-            value.kwargs["autoreset_mode"] = self.autoreset_mode.value
-        self._spec = value
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None):
         """Start an episode in every row.
@@ -110,9 +98,10 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
                 and the masks of the info are then those rows.
 
         Raises:
-            ValueError: for a seed or scene out of range, or not one a row, or another kind of mask.
+            TypeError, ValueError: for a seed or scene out of range, or not one a row, another kind of mask, or
+                another option.
         """
-        options = options or {}
+        options = dict(known_options(options, ("scene", "reset_mask")))
         rows = self._rows(options.get("reset_mask"))
         self._seed(rows, seed)
         if "scene" in options:
@@ -130,8 +119,9 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
 
         Raises:
             TypeError, ValueError: for no numbers or a wrong shape.
-            gymnasium.error.ResetNeeded: in the mode "Disabled", for a row that ended.
+            gymnasium.error.ResetNeeded: before the first reset; in the mode "Disabled", for a row that ended.
         """
+        check_begun(self._is_seeded)
         return self._episodes.step(action_array("actions", actions, (self.num_envs, 4)))
 
     def snapshot(self) -> dict[str, NDArray]:
@@ -197,13 +187,14 @@ class QuadrotorVectorEnv(PlantAccess, VectorEnv):
     def state(self) -> NDArray[np.float64]:
         """The plant's states (N, 20), a copy; see ``quadsafe_env.state``.
 
-        Setting them starts every episode over from there, in its present scene; time limits run on.
+        Setting them starts every episode over from there, in its present scene; time limits run on. What the
+        model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.
         """
         return self._world.states.copy()
 
     @state.setter
     def state(self, value: ArrayLike) -> None:
-        self._world.start_from(exact_array("state", value, (self.num_envs, STATE_SIZE)))
+        self._world.start_from(given_states(value, (self.num_envs,), self._world))
 
     @property
     def goal(self) -> NDArray[np.float64]:

@@ -28,8 +28,23 @@ def has_display() -> bool:
             pygame.display.quit()
 
 
+def is_driver_named() -> bool:
+    """Whether the user has named SDL's video driver, be it one that draws where nobody sees it."""
+    return any(os.environ.get(name) for name in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"))
+
+
+def no_display(found: str) -> OSError:
+    """The sentence for a window that has no display to open on."""
+    return OSError(
+        f"render_mode 'human' must have a display to open a window on, got {found}; 'rgb_array' needs none"
+    )
+
+
 class Window:
     """Shows frames (480, 480, 3) one after the other; it opens with the first, and stays closed once closed.
+
+    Without a display SDL would draw where nobody looks, at the pace of the flight all the same. It does so only
+    for who asks for it by name, with ``SDL_VIDEODRIVER=dummy``.
 
     Args:
         fps: frames a second.
@@ -57,14 +72,13 @@ class Window:
             pygame.event.clear()
 
     def _open(self) -> pygame.Surface:
+        if not (is_driver_named() or has_display()):
+            raise no_display("none")
         try:
             pygame.display.init()
             self._screen = pygame.display.set_mode((SIZE, SIZE))
         except pygame.error as error:
-            raise OSError(
-                f"render_mode 'human' must have a display to open a window on, got {str(error)!r}; "
-                "'rgb_array' needs none"
-            ) from error
+            raise no_display(repr(str(error))) from error
         pygame.display.set_caption("quadsafe")
         return self._screen
 

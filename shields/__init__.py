@@ -4,10 +4,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from quadsafe_core.authority import Authority
+from quadsafe_core.registration import register_environments
 from shields.filtered import Filtered
 from shields.shield import Shield
 from shields.uncertainty import Uncertainty
 from shields.wrapper import ShieldWrapper, VectorShieldWrapper
+
+register_environments()
 
 if TYPE_CHECKING:
     from shields.box_filter import box_input

@@ -6,17 +6,20 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, shaped_array
+from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
 from shields.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING
 
+# A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
+# anything are surely milliseconds.
+LONGEST_PERIOD = 2.0  # s
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
 
 def as_array(value: ArrayLike) -> NDArray[np.float64]:
     """C-ordered float64; what is not a number becomes an empty array, which no shape accepts."""
     try:
-        array = np.asarray(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
+        array = real_array(value)
+    except (TypeError, ValueError, OverflowError):
         return np.empty(0)
     # A read-only array is another type to a kernel.
     return array if array.flags.writeable else array.copy()
@@ -62,7 +65,24 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
 
 def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Velocities of the shape of the centres, with N in front."""
-    rows = as_array(velocity)
-    if rows.size != math.prod(shape) or rows.shape[-2:] != shape[-2:]:
-        raise ValueError(f"velocity must have the shape of center, got {np.shape(velocity)}")
-    return rows.reshape(shape)
+    found = np.shape(velocity)
+    if math.prod(found) != math.prod(shape) or found[-2:] != shape[-2:]:
+        raise ValueError(f"velocity must have the shape of center, got {found}")
+    return as_array(shaped_array("velocity", velocity)).reshape(shape)
+
+
+def control_period(value: float) -> float:
+    """``value`` as a control period, s: above 0, and at most 2."""
+    period = positive_number("period", value)
+    if period > LONGEST_PERIOD:
+        raise ValueError(f"period must be in seconds and at most {LONGEST_PERIOD:g}, got {value!r}")
+    return period
+
+
+def check_no_acceleration(acceleration: ArrayLike, shape: tuple[int, ...]) -> None:
+    """Raise unless spheres of this shape of centres are said not to accelerate."""
+    found = finite_array("acceleration", acceleration)
+    if found.shape not in ((), shape):
+        raise ValueError(f"acceleration must have the shape of center, got {found.shape}")
+    if found.any():
+        raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import positive_number
+from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.capped import capped3
 from shields.composite import BoxSet
@@ -100,12 +100,13 @@ def box_input(box: BoxSet, x: ArrayLike, u_desired: ArrayLike, alpha: float) -> 
         (…) the input, in [u_min, u_max], and (…) whether x is in the set.
 
     Raises:
+        TypeError: for a set of another kind.
         ValueError: wrong shapes, non-finite numbers, a box whose set is not known to be maximal, or an alpha
             not above 0.
 
     Reference: (33), Lemmas 1 and 2.
     """
-    reason = box.why_not()
+    reason = instance_of("box", box, BoxSet).why_not()
     if reason is not None:
         raise ValueError(f"box must have a maximal set, got one that is not known to: {reason}")
     alpha = positive_number("alpha", alpha)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import positive_number
+from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.jit import inline_kernel, kernel
 from shields.composite import BoxSet
 from shields.dead_beat import clamped
@@ -138,6 +138,7 @@ def sampled_box_value(box: BoxSet, x: ArrayLike, period: float) -> Any:
         (…) unit of x_n.
 
     Raises:
+        TypeError: for a set of another kind.
         ValueError: wrong shapes, non-finite numbers, bounds that exclude rest, or a period not above 0.
     """
     (rows,), shape = state_rows(x)
@@ -164,6 +165,7 @@ def sampled_box_input(
         (…) the input, in [u_min, u_max], and (…) whether x is in the set that the filter keeps.
 
     Raises:
+        TypeError: for a set of another kind.
         ValueError: wrong shapes, non-finite numbers, bounds that exclude rest, a period or alpha not above 0.
     """
     (rows, wanted), shape = state_rows(x, u_desired=u_desired)
@@ -182,7 +184,7 @@ def _filtered(box: BoxSet, rows: Array, wanted: Array, period: float, alpha: flo
 
 
 def _held_box(box: BoxSet, period: float) -> Box:
-    lower, upper, u_min, u_max = box.bounds
+    lower, upper, u_min, u_max = instance_of("box", box, BoxSet).bounds
     if not ((lower[:-1] <= 0.0) & (upper[:-1] >= 0.0)).all():
         raise ValueError(
             f"box must allow x_1 … x_(n-1) = 0, where the filter ends, got {lower.tolist()} to {upper.tolist()}"

@@ -157,4 +157,5 @@ def _checked_states(x: ArrayLike) -> tuple[Array, tuple[int, ...]]:
 
 
 def _checked_bound(name: str, value: float) -> float:
-    return math.inf if value == math.inf else positive_number(name, value)
+    is_absent = isinstance(value, float) and value == math.inf
+    return math.inf if is_absent else positive_number(name, value)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import positive_number
+from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.jit import kernel
 from shields.braking_arcs import least_of_arc, moved, peak_x1, size_of_terms
 from shields.dead_beat import MOST_PERIODS, braking_shift, clamped, fastest_before
@@ -176,6 +176,7 @@ def sampled_braking_value(limits: "BrakingSet", x: ArrayLike, period: float) -> 
         (…) unit of x_4; it says nothing where braking cannot keep the upper bounds, and may be -inf there.
 
     Raises:
+        TypeError: for a set of another kind.
         ValueError: wrong shapes, non-finite numbers, or a period not above 0.
     """
     (rows,), shape = state_rows(x)
@@ -202,6 +203,7 @@ def sampled_braking_input(
         (…) the input, in [u_min, u_max], and (…) whether x is in the set that the filter keeps.
 
     Raises:
+        TypeError: for a set of another kind.
         ValueError: wrong shapes, non-finite numbers, or a period or alpha not above 0.
     """
     (rows, wanted), shape = state_rows(x, u_desired=u_desired)
@@ -210,10 +212,14 @@ def sampled_braking_input(
 
 
 def _filtered(limits, rows, wanted, period, alpha):
+    # The other way round, the set imports this module's kernels.
+    from shields.braking import BrakingSet
+
+    bounds = instance_of("limits", limits, BrakingSet).bounds
     if rows.shape[1] != 4:
         raise ValueError(f"x must have shape (…, 4), got (…, {rows.shape[1]})")
     period = positive_number("period", period)
     u, value, in_set = np.empty(len(rows)), np.empty(len(rows)), np.empty(len(rows), dtype=np.bool_)
     gamma = -math.expm1(-alpha * period)
-    braking_held_batch(rows, wanted, limits.bounds, period, gamma, u, value, in_set)
+    braking_held_batch(rows, wanted, bounds, period, gamma, u, value, in_set)
     return u, value, in_set

@@ -54,6 +54,7 @@ def plain_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if hasattr(value, "_asdict"):
-        return value._asdict()
-    return value.item() if isinstance(value, np.generic) else value
+    table = value._asdict() if hasattr(value, "_asdict") else value
+    if isinstance(table, Mapping):
+        return {name: _plain(entry) for name, entry in table.items()}
+    return table.item() if isinstance(table, np.generic) else table

@@ -8,9 +8,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.checks import one_of, positive_number
+from quadsafe_core.checks import one_of
 from quadsafe_core.jit import compiling
-from shields.arguments import as_array, measurement_error, shape_error, size_of, velocity_rows
+from shields.arguments import (
+    as_array,
+    check_no_acceleration,
+    control_period,
+    measurement_error,
+    shape_error,
+    size_of,
+    velocity_rows,
+)
 from shields.cbf import CbfMethod
 from shields.filtered import (
     BAD_SHAPES,
@@ -42,6 +50,7 @@ class Method(Protocol):
         ...
 
 
+SNAPSHOT = {"memory", "size", "period", "is_single"}
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
 
 
@@ -174,7 +183,7 @@ class Shield:
             center: (N, K, 3) sphere centres, m.
             radius: (N, K) keep-out radii, m; 0 where there is no sphere.
             snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
-            period: for how long the snap is held, s.
+            period: for how long the snap is held, s; at most 2, as stops are held for 0.1 to 1.46 s.
             velocity: (N, K, 3) constant velocities of the spheres, m/s; at rest without.
             acceleration: must be absent or 0: a certified stop cannot rest in the way of a sphere that turns.
 
@@ -182,8 +191,9 @@ class Shield:
             ``Filtered``.
 
         Raises:
+            TypeError: for what is no number: strings and booleans are none.
             ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
-                period <= 0, accelerating spheres, or spheres that the method does not take.
+                period <= 0 or > 2, accelerating spheres, or spheres that the method does not take.
         """
         if period == self._period and velocity is None and acceleration is None:
             out = np.empty(self._numbers)
@@ -194,8 +204,8 @@ class Shield:
                 code = BAD_SHAPES
             if code == DONE:
                 return Filtered(out, self._leading)
-        if acceleration is not None and np.any(acceleration):
-            raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
+        if acceleration is not None:
+            check_no_acceleration(acceleration, np.shape(center))
         return self._filter_checked(flat, center, radius, snap, period, velocity)
 
     def _filter_checked(self, flat, center, radius, snap, period, velocity) -> Filtered:
@@ -204,7 +214,7 @@ class Shield:
         size = size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
         if size is None:
             raise shape_error(flat, center, radius, snap)
-        self._begin(size, is_single, positive_number("period", period))
+        self._begin(size, is_single, control_period(period))
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
         out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
@@ -299,8 +309,10 @@ class Shield:
         """Go on where a shield of equal settings was when it gave this snapshot.
 
         Raises:
-            ValueError: for the snapshot of another method.
+            ValueError: for the snapshot of another method, or what is none.
         """
+        if snapshot and set(snapshot) != SNAPSHOT:
+            raise ValueError(f"snapshot must hold {', '.join(sorted(SNAPSHOT))}, got {sorted(snapshot)}")
         self.reset()
         if not snapshot:
             return

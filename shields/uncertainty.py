@@ -21,9 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import non_negative_number
+from quadsafe_core.checks import checked_when_made, non_negative_number
 from quadsafe_core.feedback import held_gains
 from shields.arcs import ThrustBand
+from shields.arguments import LONGEST_PERIOD
 from shields.certificate import FlightLimits
 
 Array = NDArray[np.float64]
@@ -39,13 +40,32 @@ MOST_TAKEN = 0.5
 DECAYED, ROUNDING = 1e-9, 1e-7
 # They are taken over so many periods at a time.
 CHUNK = 256
-# Periods for which that takes less than a second, and for which a feedback has any use, s.
-SHORTEST, LONGEST = 1e-4, 10.0
+# Periods for which that takes less than a second, and for which there are stops, s.
+SHORTEST, LONGEST = 1e-4, LONGEST_PERIOD
 MOST_DELAY = 100
 
 
+def _checked(found: "Uncertainty") -> "Uncertainty":
+    """Every field in its range: floats, an int and a bool."""
+    *numbers, delay, losses = found
+    floats = [
+        non_negative_number(f"uncertainty.{name}", x) for name, x in zip(found._fields, numbers, strict=False)
+    ]
+    if floats[5] >= 1.0:
+        raise ValueError(f"uncertainty.gain must be < 1, got {found.gain!r}")
+    is_whole = isinstance(delay, int | np.integer) and not isinstance(delay, bool)
+    if not (is_whole and 0 <= delay <= MOST_DELAY):
+        raise ValueError(f"uncertainty.delay must be a whole number from 0 to {MOST_DELAY}, got {delay!r}")
+    if not isinstance(losses, bool | np.bool_):
+        raise TypeError(f"uncertainty.losses must be True or False, got {losses!r}")
+    return Uncertainty._make([*floats, int(delay), bool(losses)])
+
+
+@checked_when_made(_checked)
 class Uncertainty(NamedTuple):
     """Bounds of what a shield does not know; all lengths are Euclidean, all of them 0 by default.
+
+    An uncertainty with a bound out of its range cannot be made.
 
     | field        | unit    | meaning                                                                        |
     |--------------|---------|--------------------------------------------------------------------------------|
@@ -103,22 +123,7 @@ def checked_uncertainty(value: Any) -> Uncertainty | None:
         raise TypeError(
             f"uncertainty must be an Uncertainty or a mapping of {', '.join(NONE._fields)}, got {value!r}"
         )
-    whole = NONE._replace(**table)
-    numbers = {
-        name: non_negative_number(f"uncertainty.{name}", getattr(whole, name))
-        for name in Uncertainty._fields[:7]
-    }
-    if numbers["gain"] >= 1.0:
-        raise ValueError(f"uncertainty.gain must be < 1, got {whole.gain!r}")
-    if isinstance(whole.delay, bool) or not (
-        isinstance(whole.delay, int | np.integer) and 0 <= whole.delay <= MOST_DELAY
-    ):
-        raise ValueError(
-            f"uncertainty.delay must be a whole number from 0 to {MOST_DELAY}, got {whole.delay!r}"
-        )
-    if not isinstance(whole.losses, bool | np.bool_):
-        raise TypeError(f"uncertainty.losses must be True or False, got {whole.losses!r}")
-    found = Uncertainty(**numbers, delay=int(whole.delay), losses=bool(whole.losses))
+    found = Uncertainty(**table)
     return None if found == NONE else found
 
 

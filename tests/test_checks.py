@@ -1,13 +1,18 @@
 """Argument checks: what passes, and the one sentence that a bad argument gets."""
 
 import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from quadsafe_core.checks import (
+    checked_when_made,
     finite_array,
     finite_number,
+    instance_of,
     non_negative_number,
     one_of,
     positive_integer,
@@ -51,7 +56,26 @@ def test_first_non_finite_entry_is_named(value, sentence):
     assert str(error.value) == sentence
 
 
-@pytest.mark.parametrize("value", ["abc", [[1.0], [1.0, 2.0]], {"a": 1}, object()])
+@pytest.mark.parametrize(
+    "value",
+    [
+        *(
+            "abc",
+            "1",
+            ["1", "2"],
+            b"1",
+            True,
+            [True, False],
+            np.True_,
+            None,
+            [None, 1.0],
+            [True, Fraction(1, 2)],
+        ),
+        *(1j, [1j, 2.0], np.zeros(2, dtype=complex), np.zeros(2, dtype="M8[s]"), np.zeros(2, dtype="m8[s]")),
+        *([[1.0], [1.0, 2.0]], {"a": 1}, object(), [10**400]),
+    ],
+    ids=repr,
+)
 def test_what_holds_no_real_numbers_is_a_type_error(value):
     with pytest.raises(TypeError, match=r"^x must be an array of real numbers, got "):
         finite_array("x", value)
@@ -90,3 +114,33 @@ def test_one_of():
     assert one_of("mode", "a", ("a", "b")) == "a"
     with pytest.raises(ValueError, match=r"^mode must be one of 'a', 'b', got 'c'$"):
         one_of("mode", "c", ("a", "b"))
+
+
+def test_numbers_of_other_kinds_are_numbers():
+    for value in ([Fraction(1, 2), 1], [Decimal("0.5"), 1.0], np.array([0.5, 1.0], dtype=np.float16)):
+        np.testing.assert_array_equal(finite_array("x", value), [0.5, 1.0])
+    for value in (Fraction(1, 2), Decimal("0.5"), np.float32(0.5), np.array(0.5)):
+        assert positive_number("x", value) == 0.5 and type(positive_number("x", value)) is float
+
+
+def test_instances():
+    assert instance_of("x", 1, int) == 1
+    with pytest.raises(TypeError, match=r"^x must be a int, got '1'$"):
+        instance_of("x", "1", int)
+
+
+class Pair(NamedTuple):
+    low: float
+    high: float = 1.0
+
+
+def test_a_checked_tuple_is_checked_by_every_call_and_not_by_make():
+    def check(pair):
+        return Pair._make([finite_number("low", pair.low), finite_number("high", pair.high)])
+
+    checked = checked_when_made(check)(Pair)
+    assert checked is Pair and Pair(1) == Pair(low=1.0) == (1.0, 1.0) and type(Pair(1).low) is float
+    for make in (lambda: Pair("1"), lambda: Pair(0.0, high="1"), lambda: Pair(0.0)._replace(low="1")):
+        with pytest.raises(TypeError, match="must be a finite number, got '1'"):
+            make()
+    assert Pair._make(["1", 2]) == ("1", 2)

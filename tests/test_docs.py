@@ -2,6 +2,8 @@
 
 import ast
 import re
+import subprocess
+import sys
 from functools import cache
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import yaml
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 THEORY = sorted([DOCS / "index.md", DOCS / "theory.md", *DOCS.glob("theory/*.md")])
+EXAMPLES = sorted(page for page in DOCS.rglob("*.md") if "```python" in page.read_text(encoding="utf-8"))
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
 ROOMS = ("quadsafe_core", "quadsafe_env", "shields", "agents", "tests", "benchmarks", "examples", "docs")
 
@@ -105,7 +108,50 @@ def test_every_page_of_the_theory_is_in_the_navigation():
     assert all((DOCS / page).exists() for page in listed)
 
 
-@pytest.mark.parametrize("page", THEORY, ids=lambda page: page.name)
+def blocks_of(page):
+    """The Python examples of a page."""
+    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M)
+
+
+def run_alone(block):
+    """Run an example as a user does who copies nothing else: in a process of its own."""
+    return subprocess.run([sys.executable, "-c", block], check=False, cwd=ROOT, capture_output=True, text=True)
+
+
+def test_every_example_of_the_readme_runs_when_it_is_copied_alone():
+    blocks = blocks_of(ROOT / "README.md")
+    assert len(blocks) >= 8
+    for block in blocks:
+        outcome = run_alone(block)
+        assert outcome.returncode == 0, f"{block}\n{outcome.stderr}"
+
+
+@pytest.mark.parametrize(
+    ("block", "error"),
+    [
+        ("import gymnasium\ngymnasium.make('QuadSafe/Avoid-v0')", "NamespaceNotFound"),
+        ("import shields\nShieldWrapper", "NameError"),
+    ],
+)
+def test_an_example_that_needs_another_one_is_noticed(block, error):
+    outcome = run_alone(block)
+    assert outcome.returncode != 0 and error in outcome.stderr
+
+
+@pytest.mark.parametrize("room", ["shields", "quadsafe_env", "agents.build", "quadsafe_env.safety_gymnasium"])
+def test_ids_are_known_after_the_import_of_either_island(room):
+    names = "[name for name in gymnasium.registry if name.startswith('QuadSafe/')]"
+    block = f"import gymnasium, {room}\nassert len([gymnasium.make(name) for name in {names}]) == 3"
+    outcome = run_alone(block)
+    assert outcome.returncode == 0, outcome.stderr
+
+
+@pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.name)
 def test_examples_run(page):
-    for block in re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M):
-        exec(compile(block, str(page), "exec"), {"__name__": "example"})
+    for block in blocks_of(page):
+        # The ids are known in this process already, whatever the example imports.
+        if "QuadSafe/" in block:
+            outcome = run_alone(block)
+            assert outcome.returncode == 0, f"{block}\n{outcome.stderr}"
+        else:
+            exec(compile(block, str(page), "exec"), {"__name__": "example"})

@@ -333,6 +333,21 @@ def test_no_display_is_said_in_a_sentence(monkeypatch):
         gymnasium.make("QuadSafe/Avoid-v0", render_mode="human").reset(seed=0)
 
 
+@pytest.mark.parametrize("conditions", [None, "indoor"])
+@pytest.mark.parametrize("display", [{}, {"DISPLAY": ":4711"}], ids=["none", "one that is not there"])
+def test_no_window_opens_where_nobody_would_see_it(monkeypatch, conditions, display):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in display.items():
+        monkeypatch.setenv(name, value)
+    env = gymnasium.make("QuadSafe/Avoid-v0", render_mode="human", conditions=conditions)
+    for first_frame in (env.reset, env.reset, lambda: setattr(env.unwrapped, "state", env.unwrapped.state)):
+        with pytest.raises(OSError, match=r"^render_mode 'human' must have a display to open a window on, got"):
+            first_frame()
+    assert not pygame.display.get_init()
+    env.close()
+
+
 def test_nobody_sees_a_dummy(screen, monkeypatch):
     monkeypatch.setenv("DISPLAY", ":0")
     assert not has_display() and not pygame.display.get_init()
