@@ -29,6 +29,7 @@ from shields.certificate import (
     certified_snap,
     one_vehicle,
 )
+from shields.easing import NUMBERS, easing_numbers, easing_of
 from shields.filtered import (
     BAD_SHAPES,
     BRAKING_POLE,
@@ -60,7 +61,7 @@ from shields.stored_stop import PLAN, reference, within_ball
 TRACKING_POLE = 30.0
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
-SETTINGS = 18
+SETTINGS = 18 + NUMBERS
 PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 
 
@@ -213,7 +214,7 @@ def unpacked(n, closing, authority, tube):
     """The settings from the array of ``packed``; None for what there is not, which is not compiled."""
     band = ThrustBand(n[7], n[8], n[9])
     return JointSettings(
-        Sampling(n[0], n[1], n[2], n[3], authority),
+        Sampling(n[0], n[1], n[2], n[3], authority, easing_of(n, 18)),
         FlightLimits(n[4], n[5], n[6], band),
         n[10],
         closing,
@@ -271,6 +272,5 @@ def packed(
     """The settings of a shield at a control period, s, for ``unpacked``: arrays cross into a kernel quickly."""
     sampling = (bounds.u_max, -math.expm1(-settings["alpha"] * period), bounds.input_max, period)
     *limits, band = bounds.limits
-    return np.array(
-        [*sampling, *limits, *band, settings["margin"], *gains, *held_gains(3, BRAKING_POLE, period)]
-    )
+    braking_gains, easing = held_gains(3, BRAKING_POLE, period), easing_numbers(period, settings["margin"])
+    return np.array([*sampling, *limits, *band, settings["margin"], *gains, *braking_gains, *easing])

@@ -11,6 +11,7 @@ from shields import Shield
 from shields.arcs import Flat, ThrustBand
 from shields.bounds import RESERVED, bounds_of
 from shields.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits
+from shields.easing import POLE
 from shields.filtered import (
     BRAKING_POLE,
     FACTS,
@@ -79,7 +80,9 @@ def open_facts(rows=()):
 @pytest.mark.interpreted
 def test_free_settings_arrive_where_they_are_read():
     found = settings_of(snap_max=50.0, reserve=4.0, alpha=3.0, margin=0.1, thrust_min=2.0, gravity=9.0)
-    assert found.sampling == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
+    assert found.sampling[:5] == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
+    left = pytest.approx(1.0 - math.exp(-POLE * PERIOD))
+    assert found.sampling.easing == (tuple(held_gains(4, POLE, PERIOD)), left, pytest.approx(1.075 / 1.1))
     assert found.limits == FlightLimits(math.inf, 200.0, math.inf, ThrustBand(2.0, math.inf, 9.0))
     assert (found.margin, found.closing, found.is_free) == (0.1, None, True)
     assert found.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
