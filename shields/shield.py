@@ -62,10 +62,12 @@ class Shield:
     samples too. It projects the desired snap onto one half-space per sphere, and flies the result if a stop
     after it is certified: a stored manoeuvre to rest that clears every sphere and keeps the specific thrust
     ‖r̈ + g e3‖ at its floor. Otherwise it flies a part of the way to it, or the stored stop, which is also its
-    answer to a desired snap that is not finite. From a state without any stop, recovery is best effort.
+    answer to a desired snap that is not finite. From a state without any stop, recovery is best effort. Inside
+    a sphere the pilot is not asked: the vehicle leaves by the nearest exit, from rest at no more than 1 m/s.
 
     Method "cbf" is the filter (33) of the paper for one sphere, a statement about continuous time: held over
-    a period it can be violated. It answers a desired snap that is not finite by braking, filtered.
+    a period it can be violated. It answers a desired snap that is not finite by braking, filtered. It does not
+    recover: at rest inside the sphere (33) asks for nothing, and ``in_set`` is False.
 
     With an ``authority`` ("sampled") every flight also keeps to what a vehicle can give. No snap is longer than
     the authority's. A snap is flown only if the specific thrust and the jerk keep to the authority for the

@@ -47,6 +47,7 @@ from shields.nearest import (
     note_demand,
     shortened,
 )
+from shields.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.sampled import sampled_input
 from shields.stored_stop import PLAN, write_stop
 from shields.within import limit_demand
@@ -87,6 +88,7 @@ def test_free_settings_arrive_where_they_are_read():
     assert (found.margin, found.closing, found.is_free) == (0.1, None, True)
     assert found.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
     assert found.braking == tuple(held_gains(3, BRAKING_POLE, PERIOD))
+    assert found.recovery == tuple(held_gains(3, RECOVERY_POLE, PERIOD))
     assert not settings_of(max_closing_speed=2.0).is_free
 
 
@@ -182,12 +184,17 @@ def test_the_backup_brakes_and_pushes_off():
     u, is_feasible = nearest_snap(x, brake, False, ahead, last, settings, open_facts())
     assert is_feasible and u[0] < brake[0]
     assert backup_snap(x, ahead, last, settings, open_facts()) == u
-    # Between two spheres that ask for opposite things: off the one that asks for more.
-    both = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-0.95, 0.0, 0.0), 1.0))
+    # Between two spheres that come from both sides and ask for opposite things: off the one that asks more.
+    both = spheres_at(((1.1, 0.0, 0.0), 1.0), ((-1.15, 0.0, 0.0), 1.0))
+    both[1][:, 0] = -4.0, 4.0
     last = np.array([[-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
     facts = open_facts()
     u = backup_snap(HOVER, both, last, settings, facts)
     assert u == tuple(600.0 * last[int(facts[OBSTACLE]), :3]) and facts[OBSTACLE] in (0.0, 1.0)
+    # In a sphere: out of it, whatever else is near.
+    inside = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-1.05, 0.0, 0.0), 1.0))
+    u = backup_snap(HOVER, inside, last, settings, facts)
+    assert facts[OBSTACLE] == 0.0 and np.linalg.norm(u) == pytest.approx(settings.recovery[0] * RECOVERY_SPEED)
     # No longer than the authority's snap.
     bound = settings_of(authority=VEHICLE)
     u = backup_snap(
