@@ -70,7 +70,8 @@ PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 def around(plan, x, spheres, margin, period, tube):
     """The spheres at the distances that a new stop keeps, and the stored one, off which the vehicle is.
 
-    In a tube the vehicle may be off the stored stop, and both keep the whole distance: nothing is relaxed.
+    A new stop begins where the vehicle is, and keeps what distance there is. The stored one counts only if the
+    whole tube around it is clear. In a tube of declared errors both keep the whole distance: nothing is relaxed.
     """
     center, velocity, radius = spheres
     ref, count = reference(plan, period), radius.shape[0]
@@ -82,7 +83,7 @@ def around(plan, x, spheres, margin, period, tube):
             ahead[k], stored[k], bare[k] = (1 + 0.5 * margin) * radius[k], (1 - ROUNDING) * radius[k], radius[k]
             if tube is None:
                 ahead[k] = min(ahead[k], SLACK * norm(subtract(x.r, vector(center[k]))))
-                stored[k] = min(stored[k] + 2 * off, SLACK * norm(subtract(ref.r, vector(center[k]))))
+                stored[k] += 2 * off
             else:
                 stored[k] += 2 * max(off - tube.estimate, 0.0)
                 bare[k] -= tube.vehicle
