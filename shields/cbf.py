@@ -213,6 +213,9 @@ class CbfMethod:
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
 
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Nothing to forget."""
+
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         self.memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]

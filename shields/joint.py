@@ -71,7 +71,7 @@ def around(plan, x, spheres, margin, period, tube):
     """The spheres at the distances that a new stop keeps, and the stored one, off which the vehicle is.
 
     A new stop begins where the vehicle is, and keeps what distance there is. The stored one counts only if the
-    whole tube around it is clear. In a tube of declared errors both keep the whole distance: nothing is relaxed.
+    whole tube around it is clear. In a tube of declared errors both keep the whole distance.
     """
     center, velocity, radius = spheres
     ref, count = reference(plan, period), radius.shape[0]
@@ -251,6 +251,10 @@ class SampledMethod:
         last, plans = self._parts()
         last[mask] = 0.0
         plans[mask] = np.zeros((), dtype=PLAN)
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Some rows fly other snaps than the last answer: what they remember is void."""
+        self.forget(mask)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""

@@ -37,6 +37,9 @@ class Method(Protocol):
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of the rows of ``mask`` (N,)."""
 
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """The rows of ``mask`` (N,) fly these snaps (M, 3) in place of the last answer."""
+
     def at(self, period: float) -> Kernels:
         """What filters at a control period, s."""
         ...
@@ -270,6 +273,10 @@ class Shield:
             )
         method = cast(TubedMethod, self._method)
         return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
+        self._method.override(mask, snaps)
 
     @property
     def can_lose(self) -> bool:
