@@ -62,8 +62,8 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
 
 def unusable_rows(flat: NDArray, center: NDArray, radius: NDArray) -> NDArray[np.bool_]:
     """The rows (N,) whose own measurements no method can use: not finite, too large, or a radius below 0."""
-    lengths = (np.abs(flat) < LARGEST).all(axis=(1, 2)) & (np.abs(center) < LARGEST).all(axis=(1, 2))
-    return ~(lengths & ((radius >= 0.0) & (radius < LARGEST)).all(axis=1))
+    lengths = np.all(np.abs(flat) < LARGEST, axis=(1, 2)) & np.all(np.abs(center) < LARGEST, axis=(1, 2))
+    return np.logical_not(lengths & ((radius >= 0.0) & (radius < LARGEST)).all(axis=1))
 
 
 def row_error(i: int, flat: NDArray, center: NDArray, radius: NDArray) -> ValueError:

@@ -131,12 +131,15 @@ class Recorder:
 
     def _answer_without(self, bad: NDArray[np.bool_], flat, center, radius, snap, period: float) -> Filtered:
         """The answer to the other rows, with empty worlds in place of the bad ones, which brake."""
-        for i in np.flatnonzero(bad & ~self._is_named):
+        for i in np.flatnonzero(bad & ~self._is_named).tolist():
             sentence = row_error(i, flat, center, radius)
             warnings.warn(f"row {i} brakes: {sentence}", RuntimeWarning, stacklevel=4)
         self._is_named |= bad
-        emptied = (np.where(bad.reshape(-1, *[1] * (x.ndim - 1)), 0.0, x) for x in (flat, center, radius, snap))
-        answer, brakes = self.shield.filter(*emptied, period), braking_answer(flat[bad], snap[bad], period)
+        flats, centers, radii, snaps = (x.copy() for x in (flat, center, radius, snap))
+        for array in (flats, centers, radii, snaps):
+            array[bad] = 0.0
+        answer = self.shield.filter(flats, centers, radii, snaps, period)
+        brakes = braking_answer(flat[bad], snap[bad], period)
         answer.snap[bad], answer.facts[bad] = brakes.snap, brakes.facts
         self.shield.override(bad, brakes.snap)
         return answer
