@@ -96,9 +96,9 @@ class Shield:
             reserve, thrust_min and gravity; None for those.
         uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields
             ("sampled"); None for none.
-        max_closing_speed: bound of −Ṙ, m/s, or None. "sampled" keeps this and the next two in a period that begins
-            within them, along the line of sight at its sample, where the snap is not ``refused``: not along a line
-            of sight that turns, nor in a stop. ``certified`` says nothing about them.
+        max_closing_speed: bound of −Ṙ, m/s, or None. "sampled" keeps this and the next two in a period that
+            begins within them, along the line of sight at its sample, where the snap is not ``refused``: not
+            along a line of sight that turns, nor in a stop. ``certified`` says nothing about them.
         max_closing_acceleration: bound of −R̈, m/s², or None.
         max_closing_jerk: bound of −R⃛, m/s³, or None.
 
