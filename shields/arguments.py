@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
-from shields.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING
+from shields.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
@@ -61,6 +61,22 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
     name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= LARGEST), "flat")
     most = abs(found[name]).max()
     return ValueError(f"{name} must be small enough for float64 arithmetic, got up to {most:g}")
+
+
+def unusable_rows(flat: NDArray, center: NDArray, radius: NDArray) -> NDArray[np.bool_]:
+    """The rows (N,) whose own measurements no method can use: not finite, too large, or a radius below 0."""
+    lengths = np.all(np.abs(flat) < LARGEST, axis=(1, 2)) & np.all(np.abs(center) < LARGEST, axis=(1, 2))
+    return np.logical_not(lengths & ((radius >= 0.0) & (radius < LARGEST)).all(axis=1))
+
+
+def row_error(i: int, flat: NDArray, center: NDArray, radius: NDArray) -> ValueError:
+    """The sentence for a row of ``unusable_rows``."""
+    row = flat[i], center[i], radius[i]
+    is_bad = not all(np.isfinite(array).all() for array in row) or (radius[i] < 0.0).any()
+    try:
+        return measurement_error(BAD_MEASUREMENT if is_bad else TOO_LARGE, *row, None)
+    except ValueError as error:
+        return error
 
 
 def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -12,7 +12,8 @@ a lower bound on U,
 
 so the solution is the largest of these and U_des: no programme is solved. Inside the sets it never exceeds ū.
 Outside it does, without limit as t* → 0, and that brings the state back; it is capped at ``input_max``.
-This is a statement about continuous time: held over a control period, the input can leave the sets.
+This is a statement about continuous time: held over a control period, the input can leave the sets. At rest
+inside the sphere t* = 0, and nothing is asked for: no way out is flown, only a value below 0 says where it is.
 """
 
 import math
@@ -210,6 +211,9 @@ class CbfMethod:
         self.memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Nothing to forget."""
 
     def at(self, period: float) -> Kernels:

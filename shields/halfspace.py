@@ -23,6 +23,7 @@ from quadsafe_core.vec3 import dot, norm, scale
 from shields.arcs import combined
 from shields.braking_arcs import BrakingBounds
 from shields.braking_held import braking_held_input
+from shields.easing import BORDER, LET_GO, REACH, ROUNDING, SLACK, Easing, easing_input, flat_output, is_in_cone
 from shields.radial import line_of_sight
 from shields.sampled import required
 
@@ -42,9 +43,10 @@ class Demand(NamedTuple):
 
 
 class Sampling(NamedTuple):
-    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ, and the authority that bounds jerk and acceleration.
+    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ, the authority that bounds jerk and acceleration.
 
-    Without an authority only the snap is bounded, and nothing of the braking set is compiled.
+    Without an authority only the snap is bounded, and nothing of the braking set is compiled. With an easing a
+    slow vehicle comes to rest at the border (``shields.easing``); without one the half-spaces are those of g_4.
     """
 
     u_max: float
@@ -52,6 +54,7 @@ class Sampling(NamedTuple):
     input_max: float
     period: float
     authority: Authority | None = None
+    easing: Easing | None = None
 
 
 @kernel
@@ -59,7 +62,7 @@ def least_input(order, state, wanted, bound, sampling):
     """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
     if bound == -math.inf:
         return wanted, math.inf, True
-    u_max, gamma, input_max, period, _ = sampling
+    u_max, gamma, input_max, period, _, _ = sampling
     return required(order, state, u_max, bound, period, gamma, wanted, input_max)
 
 
@@ -74,12 +77,54 @@ def least_along(n, state, wanted, distance, sampling, authority):
     return max(u, wanted), max(value, LEAST), is_admissible
 
 
+@inline_kernel
+def above(state, distance):
+    """The chain relative to the distance to keep."""
+    return (state[0], state[1], state[2], state[3] - distance)
+
+
+@kernel
+def at_the_border(n, state, wish, distance, sampling, easing):
+    """``least_along`` of a vehicle that all but rests at the border: the law of the easing, and in the set."""
+    law = min(easing_input(above(state, distance), easing), sampling.u_max)
+    floor = max(wish, law, LET_GO * sampling.u_max)
+    kept = easing.within * distance - ROUNDING
+    undecayed = Sampling(sampling.u_max, 1.0, sampling.input_max, sampling.period, sampling.authority, None)
+    least, value, is_admissible = least_along(n, state, floor, kept, undecayed, sampling.authority)
+    return least, value - (distance - kept), is_admissible
+
+
+@kernel
+def near_the_border(n, state, wish, distance, sampling, easing):
+    """``eased_along`` where the law of the easing may matter."""
+    x, u_max, period = above(state, distance), sampling.u_max, sampling.period
+    if is_in_cone(x, -SLACK * u_max, BORDER * u_max, easing, period):
+        found = at_the_border(n, state, wish, distance, sampling, easing)
+        if found[2]:
+            return found
+    least, value, is_admissible = least_along(n, state, wish, distance, sampling, sampling.authority)
+    law = easing_input(x, easing)
+    if is_admissible and least < law <= u_max and is_in_cone(x, -SLACK * u_max, REACH * u_max, easing, period):
+        least = law
+    return least, value, is_admissible
+
+
+@kernel
+def eased_along(n, state, wish, distance, sampling, easing):
+    """``least_along`` that lets a slow vehicle come to rest at the border, by the law of an easing, if any."""
+    if easing is not None:
+        z = easing.feedback[0] * flat_output(above(state, distance), sampling.period)
+        if z <= REACH * sampling.u_max:
+            return near_the_border(n, state, wish, distance, sampling, easing)
+    return least_along(n, state, wish, distance, sampling, sampling.authority)
+
+
 @kernel
 def demand_along(n, x, wanted, distance, sampling):
     """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
     y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
     wish = dot(n, wanted)
-    least, value, is_admissible = least_along(n, y, wish, distance, sampling, sampling.authority)
+    least, value, is_admissible = eased_along(n, y, wish, distance, sampling, sampling.easing)
     return Demand(n, least, value, is_admissible)
 
 

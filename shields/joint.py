@@ -29,6 +29,7 @@ from shields.certificate import (
     certified_snap,
     one_vehicle,
 )
+from shields.easing import NUMBERS, easing_numbers, easing_of
 from shields.filtered import (
     BAD_SHAPES,
     BRAKING_POLE,
@@ -53,6 +54,7 @@ from shields.filtered import (
 from shields.halfspace import Sampling
 from shields.nearest import SLACK, JointSettings, choose_directions, nearest_snap
 from shields.radial import triple, vector
+from shields.recovery import RECOVERY_POLE, is_within, recovery_snap
 from shields.stored_stop import PLAN, reference, within_ball
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
@@ -60,7 +62,7 @@ from shields.stored_stop import PLAN, reference, within_ball
 TRACKING_POLE = 30.0
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
-SETTINGS = 18
+SETTINGS = 21 + NUMBERS
 PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 
 
@@ -68,7 +70,8 @@ PLANS, PLAN_BYTES = np.zeros(0, dtype=PLAN), PLAN.itemsize
 def around(plan, x, spheres, margin, period, tube):
     """The spheres at the distances that a new stop keeps, and the stored one, off which the vehicle is.
 
-    In a tube the vehicle may be off the stored stop, and both keep the whole distance: nothing is relaxed.
+    A new stop begins where the vehicle is, and keeps what distance there is. The stored one counts only if the
+    whole tube around it is clear. In a tube of declared errors both keep the whole distance.
     """
     center, velocity, radius = spheres
     ref, count = reference(plan, period), radius.shape[0]
@@ -80,7 +83,7 @@ def around(plan, x, spheres, margin, period, tube):
             ahead[k], stored[k], bare[k] = (1 + 0.5 * margin) * radius[k], (1 - ROUNDING) * radius[k], radius[k]
             if tube is None:
                 ahead[k] = min(ahead[k], SLACK * norm(subtract(x.r, vector(center[k]))))
-                stored[k] = min(stored[k] + 2 * off, SLACK * norm(subtract(ref.r, vector(center[k]))))
+                stored[k] += 2 * off
             else:
                 stored[k] += 2 * max(off - tube.estimate, 0.0)
                 bare[k] -= tube.vehicle
@@ -91,12 +94,15 @@ def around(plan, x, spheres, margin, period, tube):
 
 @kernel
 def backup_snap(x, spheres, last, settings, facts):
-    """Without a stop: brake and push off the spheres, or off the most demanding if they conflict.
+    """Without a stop: leave the spheres, or else brake and push off them, off the most demanding in a conflict.
 
     Where no sphere demands most, the limits of an authority conflict by themselves: then brake alone.
 
     Nearly opposed half-spaces do have a point in common, but a far one.
     """
+    leaving, is_leaving = recovery_snap(x, spheres, settings, settings.tube, facts)
+    if is_leaving:
+        return leaving
     input_max = settings.sampling.input_max
     brake = braking(x.v, x.a, x.j, settings.braking)
     u, is_feasible = nearest_snap(x, brake, False, spheres, last, settings, facts)
@@ -133,6 +139,10 @@ def note_kind(facts, kind, is_outside):
 @kernel
 def careful_snap(x, wanted, is_wanted, is_chosen, spheres, last, plan, settings, facts):
     """Project, certify, at once or piece by piece, and else fly the stored stop; the snap and what it is."""
+    if settings.tube is None and is_within(x, spheres):
+        # In a tube the vehicle may be off its stop, and a stop that counts is better than none.
+        plan["is_stored"] = False
+        return recovery_snap(x, spheres, settings, settings.tube, facts)[0], UNCERTIFIED
     period, share = settings.sampling.period, 1.0 + 0.5 * settings.margin
     nearest, is_feasible = nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts)
     rows, is_tried = one_vehicle(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
@@ -213,12 +223,13 @@ def unpacked(n, closing, authority, tube):
     """The settings from the array of ``packed``; None for what there is not, which is not compiled."""
     band = ThrustBand(n[7], n[8], n[9])
     return JointSettings(
-        Sampling(n[0], n[1], n[2], n[3], authority),
+        Sampling(n[0], n[1], n[2], n[3], authority, easing_of(n, 21)),
         FlightLimits(n[4], n[5], n[6], band),
         n[10],
         closing,
         (n[11], n[12], n[13], n[14]),
         (n[15], n[16], n[17]),
+        (n[18], n[19], n[20]),
         closing is None and authority is None,
         tube,
     )
@@ -240,6 +251,10 @@ class SampledMethod:
         last, plans = self._parts()
         last[mask] = 0.0
         plans[mask] = np.zeros((), dtype=PLAN)
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Some rows fly other snaps than the last answer: what they remember is void."""
+        self.forget(mask)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
@@ -271,6 +286,6 @@ def packed(
     """The settings of a shield at a control period, s, for ``unpacked``: arrays cross into a kernel quickly."""
     sampling = (bounds.u_max, -math.expm1(-settings["alpha"] * period), bounds.input_max, period)
     *limits, band = bounds.limits
-    return np.array(
-        [*sampling, *limits, *band, settings["margin"], *gains, *held_gains(3, BRAKING_POLE, period)]
-    )
+    feedback = [*gains, *held_gains(3, BRAKING_POLE, period), *held_gains(3, RECOVERY_POLE, period)]
+    easing = easing_numbers(period, settings["margin"])
+    return np.array([*sampling, *limits, *band, settings["margin"], *feedback, *easing])

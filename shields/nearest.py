@@ -39,6 +39,7 @@ class JointSettings(NamedTuple):
     closing: tuple | None
     gains: tuple
     braking: tuple
+    recovery: tuple
     is_free: bool
     tube: Width | None
 

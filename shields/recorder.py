@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from quadsafe_core.borrow import carved
 from quadsafe_core.feedback import held_gains
 from quadsafe_core.jit import kernel
+from shields.arguments import row_error, unusable_rows
 from shields.filtered import (
     BRAKING_POLE,
     CORRECTION,
@@ -20,6 +21,7 @@ from shields.filtered import (
     IS_FALLBACK,
     IS_REFUSED,
     IS_STOPPED,
+    LARGEST,
     OBSTACLE,
     RESERVE,
     ROUNDING,
@@ -76,7 +78,8 @@ def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
     n = len(flat)
     gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros((3 + FACTS) * n)
     answer = Filtered(numbers, (n,))
-    snaps = -np.einsum("o,noi->ni", gains, flat[:, 1:])
+    measured = np.where(np.abs(flat[:, 1:]) < LARGEST, flat[:, 1:], np.nan)
+    snaps = -np.einsum("o,noi->ni", gains, measured)
     answer.snap[:] = np.where(np.isfinite(snaps), snaps, 0.0)
     facts = answer.facts
     facts[:, CORRECTION] = np.linalg.norm(np.where(np.isfinite(snap), answer.snap - snap, 0.0), axis=1)
@@ -91,13 +94,16 @@ class Recorder:
     Rows that are reset after ``begin`` and before the first call of ``filter`` begin an episode in place of
     flying: of them is told what is told at a reset, whatever ``filter`` answers.
 
-    An exception of a shield that has answered before loses no episode: every row brakes for that period, as a
-    fallback, with a warning. Its first call may raise: then something is wrong with how it was set up.
+    A row whose measurements are not finite, or too large, brakes for that period, as a fallback that forgets
+    its stop; the others are answered as without it. It is named in a warning, once until it is reset. Any other
+    exception of a shield that has answered before loses no episode either: every row brakes, with a warning.
+    Its first call may raise: then something is wrong with how it was set up.
     """
 
     def __init__(self, shield: Shield, rows: int):
         self.shield, self._periods, self._has_answered = shield, 0, False
         self._begun: NDArray[np.bool_] | None = None
+        self._is_named = np.zeros(rows, dtype=np.bool_)
         self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
         self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((5, rows), dtype=np.bool_)
 
@@ -111,17 +117,40 @@ class Recorder:
             answer = self.shield.filter(flat, center, radius, snap, period)
             self._has_answered = True
         except Exception as error:
-            if not self._has_answered:
-                raise
-            warnings.warn(f"the shield raised {error!r}: every row brakes", RuntimeWarning, stacklevel=2)
-            answer = braking_answer(flat, snap, period)
+            answer = self._answer_in_spite_of(error, flat, center, radius, snap, period)
         is_first = self._periods == 0
         count_batch(snap, answer.numbers, is_first, self._snaps, self._numbers, self._counts, self._flags)
         self._periods += 1
         return answer
 
+    def _answer_in_spite_of(self, error: Exception, flat, center, radius, snap, period: float) -> Filtered:
+        """Where single rows are at fault these brake alone, else every row does."""
+        bad = unusable_rows(flat, center, radius)
+        if bad.any():
+            return self._answer_without(bad, flat, center, radius, snap, period)
+        if not self._has_answered:
+            raise error
+        warnings.warn(f"the shield raised {error!r}: every row brakes", RuntimeWarning, stacklevel=3)
+        return braking_answer(flat, snap, period)
+
+    def _answer_without(self, bad: NDArray[np.bool_], flat, center, radius, snap, period: float) -> Filtered:
+        """The answer to the other rows, with empty worlds in place of the bad ones, which brake."""
+        for i in np.flatnonzero(bad & ~self._is_named).tolist():
+            sentence = row_error(i, flat, center, radius)
+            warnings.warn(f"row {i} brakes: {sentence}", RuntimeWarning, stacklevel=4)
+        self._is_named |= bad
+        flats, centers, radii, snaps = (x.copy() for x in (flat, center, radius, snap))
+        for array in (flats, centers, radii, snaps):
+            array[bad] = 0.0
+        answer = self.shield.filter(flats, centers, radii, snaps, period)
+        brakes = braking_answer(flat[bad], snap[bad], period)
+        answer.snap[bad], answer.facts[bad] = brakes.snap, brakes.facts
+        self.shield.override(bad, brakes.snap)
+        return answer
+
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
+        self._is_named[slice(None) if mask is None else mask] = False
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun

@@ -45,6 +45,9 @@ class Method(Protocol):
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of the rows of ``mask`` (N,)."""
 
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """The rows of ``mask`` (N,) fly these snaps (M, 3) in place of the last answer."""
+
     def at(self, period: float) -> Kernels:
         """What filters at a control period, s."""
         ...
@@ -71,10 +74,12 @@ class Shield:
     samples too. It projects the desired snap onto one half-space per sphere, and flies the result if a stop
     after it is certified: a stored manoeuvre to rest that clears every sphere and keeps the specific thrust
     ‖r̈ + g e3‖ at its floor. Otherwise it flies a part of the way to it, or the stored stop, which is also its
-    answer to a desired snap that is not finite. From a state without any stop, recovery is best effort.
+    answer to a desired snap that is not finite. From a state without any stop, recovery is best effort. Inside
+    a sphere the pilot is not asked: the vehicle leaves by the nearest exit, from rest at no more than 1 m/s.
 
     Method "cbf" is the filter (33) of the paper for one sphere, a statement about continuous time: held over
-    a period it can be violated. It answers a desired snap that is not finite by braking, filtered.
+    a period it can be violated. It answers a desired snap that is not finite by braking, filtered. It does not
+    recover: at rest inside the sphere (33) asks for nothing, and ``in_set`` is False.
 
     With an ``authority`` ("sampled") every flight also keeps to what a vehicle can give. No snap is longer than
     the authority's. A snap is flown only if the specific thrust and the jerk keep to the authority for the
@@ -103,7 +108,9 @@ class Shield:
             settings above but alpha and margin; None for those.
         uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields
             ("sampled"); None for none.
-        max_closing_speed: bound of −Ṙ, m/s, or None; "sampled" keeps it along the line of sight of each period.
+        max_closing_speed: bound of −Ṙ, m/s, or None. "sampled" keeps this and the next two in a period that
+            begins within them, along the line of sight at its sample, where the snap is not ``refused``: not
+            along a line of sight that turns, nor in a stop. ``certified`` says nothing about them.
         max_closing_acceleration: bound of −R̈, m/s², or None.
         max_closing_jerk: bound of −R⃛, m/s³, or None.
 
@@ -287,6 +294,10 @@ class Shield:
             )
         method = cast(TubedMethod, self._method)
         return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
+        self._method.override(mask, snaps)
 
     @property
     def can_lose(self) -> bool:

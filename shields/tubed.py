@@ -157,6 +157,16 @@ class TubedMethod(SampledMethod):
         carved(self.memory, before_at, PLANS, (n,))[mask] = np.zeros((), dtype=PLAN)
         carved(self.memory, pending_at, FLOATS, (n, delay, 3))[mask] = 0.0
 
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Some rows fly other snaps than the last answer: their stops are void, what is on its way is not."""
+        (n, _), delay = self._size, self._uncertainty.delay
+        pending_at = int(tubed_places(*self._size, delay)[-2])
+        pending = carved(self.memory, pending_at, FLOATS, (n, delay, 3))
+        on_the_way = pending[mask]
+        on_the_way[:, -1:] = snaps[:, None]
+        self.forget(mask)
+        pending[mask] = on_the_way
+
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         bounds = bounds_of(self._settings)

@@ -14,7 +14,9 @@ from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_state
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.braking_arcs import BrakingBounds
 from shields.braking_held import rising_periods
+from shields.recorder import Recorder
 from shields.rest import Box, climbing_periods
+from shields.tubed import tubed_places
 
 NAME = "QuadSafe/Avoid-v0"
 AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
@@ -325,17 +327,67 @@ def test_wherever_and_however_it_starts_it_is_told_what_can_be_claimed(pose, spo
     assert flown(env, 7) == flown(fresh, 7)
 
 
-def test_an_estimate_without_numbers_is_answered_with_brakes_and_told():
-    env = VectorShieldWrapper(gymnasium.make_vec(NAME, 2))
+def slot_of(name, n):
+    """The slot of a shielded vector env that has flown a step, and what it is asked."""
+    env = VectorShieldWrapper(gymnasium.make_vec(NAME, n), **SHIELDS[name])
     env.reset(seed=0)
-    env.step(np.full((2, 4), 0.5, dtype=np.float32))
-    plant, slot = env.unwrapped, env.unwrapped.snap_filter
-    flat, spheres = plant.flat_state(), plant.obstacles
-    flat[1] = np.nan
-    with pytest.warns(RuntimeWarning, match="flat must be finite.*every row brakes"):
-        answer = slot.filter(flat, spheres.center, spheres.radius, np.zeros((2, 3)), plant.control_period)
-    assert np.isfinite(answer.snap).all() and answer.fallback.all() and not answer.certified.any()
-    assert env.step(np.zeros((2, 4), dtype=np.float32))[4]["shield"]["certified"].all()
+    env.step(np.full((n, 4), 0.5, dtype=np.float32))
+    plant = env.unwrapped
+    asked = (plant.flat_state(), plant.obstacles.center.copy(), plant.obstacles.radius.copy())
+    return env, plant.snap_filter, asked, plant.control_period
+
+
+@pytest.mark.parametrize("what", [0, 1, 2])
+@pytest.mark.parametrize("bad", [*BAD, 1e200, -1e200])
+@pytest.mark.parametrize("name", SHIELDS)
+def test_a_row_that_is_measured_without_numbers_brakes_alone(name, bad, what):
+    (env, slot, asked, period), (_, twin, good, _) = slot_of(name, 3), slot_of(name, 3)
+    asked[what][1].flat[-1] = bad
+    snap = np.full((3, 3), 5.0)
+    with pytest.warns(RuntimeWarning, match="^row 1 brakes: (flat|center|radius) must be"):
+        answer = slot.filter(*asked, snap, period)
+    expected, others = twin.filter(*good, snap, period), [0, 2]
+    assert answer.snap[others].tobytes() == expected.snap[others].tobytes()
+    assert answer.facts[others].tobytes() == expected.facts[others].tobytes()
+    assert np.isfinite(answer.snap).all() and answer.fallback[1] and not answer.certified[1]
+    assert answer.value[1] == -np.inf and answer.obstacle[1] == -1
+    # It is named once; the others go on, bit for bit, and the row is answered again when it is measured again.
+    again, expected = slot.filter(*asked, snap, period), twin.filter(*good, snap, period)
+    assert again.snap[others].tobytes() == expected.snap[others].tobytes()
+    back = slot.filter(*good, snap, period)
+    assert np.isfinite(back.snap[1]).all() and (back.certified[1] or name == "cbf")
+    slot.reset(np.array([False, True, False]))
+    with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
+        slot.filter(*asked, snap, period)
+    assert np.isfinite(env.step(np.zeros((3, 4), dtype=np.float32))[0]).all()
+
+
+def test_at_the_first_call_too_only_the_row_that_is_at_fault_brakes():
+    env, fresh = (VectorShieldWrapper(gymnasium.make_vec(NAME, 2)) for _ in range(2))
+    env.reset(seed=0), fresh.reset(seed=0)
+    plant, snap = env.unwrapped, np.full((2, 3), 5.0)
+    flat, center, radius = plant.flat_state(), plant.obstacles.center, plant.obstacles.radius
+    expected = fresh.unwrapped.snap_filter.filter(flat, center, radius, snap, plant.control_period)
+    wrong = flat.copy()
+    wrong[0, 2] = np.nan
+    with pytest.warns(RuntimeWarning, match="^row 0 brakes: flat must be finite"):
+        answer = plant.snap_filter.filter(wrong, center, radius, snap, plant.control_period)
+    assert answer.snap[1].tobytes() == expected.snap[1].tobytes() and answer.certified.tolist() == [False, True]
+
+
+def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted():
+    shield = Shield(uncertainty={"position": 1e-3, "delay": 2})
+    recorder = Recorder(shield, 2)
+    flat, center, radius = np.zeros((2, 4, 3)), np.full((2, 1, 3), 3.0), np.full((2, 1), 0.5)
+    flat[:, 1, 0] = 0.5
+    recorder.filter(flat, center, radius, np.full((2, 3), 7.0), 0.02)
+    wrong = flat.copy()
+    wrong[1, 0] = np.nan
+    with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
+        braked = recorder.filter(wrong, center, radius, np.full((2, 3), 7.0), 0.02)
+    *_, at, _ = (int(place) for place in tubed_places(2, 1, 2))
+    pending = shield.snapshot()["memory"][at:].view(float).reshape(2, 2, 3)
+    np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
 
 class Slot:

@@ -8,9 +8,10 @@ import pytest
 from quadsafe_core.authority import Authority
 from quadsafe_core.feedback import held_gains
 from shields import Shield
-from shields.arcs import Flat, ThrustBand
+from shields.arcs import Flat, ThrustBand, flown
 from shields.bounds import RESERVED, bounds_of
-from shields.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits
+from shields.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits, standing
+from shields.easing import POLE
 from shields.filtered import (
     BRAKING_POLE,
     FACTS,
@@ -46,8 +47,9 @@ from shields.nearest import (
     note_demand,
     shortened,
 )
+from shields.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.sampled import sampled_input
-from shields.stored_stop import PLAN, write_stop
+from shields.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
 from shields.within import limit_demand
 
 PERIOD, GRAVITY = 0.02, 9.81
@@ -79,11 +81,14 @@ def open_facts(rows=()):
 @pytest.mark.interpreted
 def test_free_settings_arrive_where_they_are_read():
     found = settings_of(snap_max=50.0, reserve=4.0, alpha=3.0, margin=0.1, thrust_min=2.0, gravity=9.0)
-    assert found.sampling == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
+    assert found.sampling[:5] == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
+    left = pytest.approx(1.0 - math.exp(-POLE * PERIOD))
+    assert found.sampling.easing == (tuple(held_gains(4, POLE, PERIOD)), left, pytest.approx(1.075 / 1.1))
     assert found.limits == FlightLimits(math.inf, 200.0, math.inf, ThrustBand(2.0, math.inf, 9.0))
     assert (found.margin, found.closing, found.is_free) == (0.1, None, True)
     assert found.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
     assert found.braking == tuple(held_gains(3, BRAKING_POLE, PERIOD))
+    assert found.recovery == tuple(held_gains(3, RECOVERY_POLE, PERIOD))
     assert not settings_of(max_closing_speed=2.0).is_free
 
 
@@ -113,13 +118,43 @@ def test_stops_keep_their_distance_but_where_the_vehicle_is_nearer():
     x = HOVER._replace(r=(0.0, 0.01, 0.0))  # 1 cm off the stop
     spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
     ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, None)
-    # Half of the margin, or where the vehicle is; the radius and twice what it is off, or where the stop is.
+    # Half of the margin, or where the vehicle is; the radius and twice what it is off, wherever the stop is.
     assert ahead.keep_out == pytest.approx([1.05, 1.005, 0.0], abs=1e-11)
-    assert stored.keep_out == pytest.approx([1.02, 1.015, 0.0], abs=2e-9)
+    assert stored.keep_out == pytest.approx([1.02, 1.02, 0.0], abs=2e-9)
     assert bare.keep_out.tolist() == [1.0, 1.0, 0.0]
-    assert ahead.keep_out[1] < 1.005 and stored.keep_out[1] < 1.015
+    assert ahead.keep_out[1] < 1.005
     for part in (ahead, stored, bare):
         assert part.center is spheres[0] and part.velocity is spheres[1]
+
+
+@pytest.mark.interpreted
+def test_a_stop_that_counts_has_a_clear_tube_and_the_vehicle_in_it():
+    rng, counting, refused = np.random.default_rng(5), 0, 0
+    settings = settings_of()
+    for _ in range(600):
+        plan = np.zeros(1, dtype=PLAN)[0]
+        write_stop(plan, Flat(*(tuple(row) for row in rng.normal(size=(4, 3)) * 0.3)), NOTHING, 2, PERIOD)
+        for _ in range(int(rng.integers(5))):
+            advance_stop(plan, PERIOD)
+        ref, way = reference(plan, PERIOD), rng.normal(size=3)
+        off = rng.uniform(0.0, 0.01)
+        x = ref._replace(r=tuple(np.array(ref.r) + off * way / np.linalg.norm(way)))
+        side = rng.normal(size=3)
+        center = np.array(ref.r) + rng.uniform(0.49, 0.55) * side / np.linalg.norm(side)
+        spheres = spheres_at((center, 0.5))
+        kept = around(plan, x, spheres, 0.005, PERIOD, None)
+        if standing(plan, x, PERIOD, kept, settings.limits, settings.gains) != STOPPED:
+            refused += 1
+            continue
+        counting += 1
+        assert np.linalg.norm(np.array(x.r) - center) >= 0.5 + off - 1e-9
+        y, h = Flat(*(tuple(row) for row in plan["begin"])), int(plan["periods"]) * PERIOD
+        for _ in range(int(plan["segments_left"])):
+            snap = dead_beat_snap(y, NOTHING, h)
+            for t in np.linspace(0.0, h, 21):
+                assert np.linalg.norm(np.array(flown(y, snap, t).r) - center) >= 0.5 + 2 * off - 1e-9
+            y = flown(y, snap, h)
+    assert counting > 50 and refused > 50
 
 
 @pytest.mark.interpreted
@@ -179,12 +214,17 @@ def test_the_backup_brakes_and_pushes_off():
     u, is_feasible = nearest_snap(x, brake, False, ahead, last, settings, open_facts())
     assert is_feasible and u[0] < brake[0]
     assert backup_snap(x, ahead, last, settings, open_facts()) == u
-    # Between two spheres that ask for opposite things: off the one that asks for more.
-    both = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-0.95, 0.0, 0.0), 1.0))
+    # Between two spheres that come from both sides and ask for opposite things: off the one that asks more.
+    both = spheres_at(((1.1, 0.0, 0.0), 1.0), ((-1.15, 0.0, 0.0), 1.0))
+    both[1][:, 0] = -4.0, 4.0
     last = np.array([[-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
     facts = open_facts()
     u = backup_snap(HOVER, both, last, settings, facts)
     assert u == tuple(600.0 * last[int(facts[OBSTACLE]), :3]) and facts[OBSTACLE] in (0.0, 1.0)
+    # In a sphere: out of it, whatever else is near.
+    inside = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-1.05, 0.0, 0.0), 1.0))
+    u = backup_snap(HOVER, inside, last, settings, facts)
+    assert facts[OBSTACLE] == 0.0 and np.linalg.norm(u) == pytest.approx(settings.recovery[0] * RECOVERY_SPEED)
     # No longer than the authority's snap.
     bound = settings_of(authority=VEHICLE)
     u = backup_snap(
