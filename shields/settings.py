@@ -1,5 +1,6 @@
 """The settings of a shield, checked and complete."""
 
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -8,7 +9,7 @@ from quadsafe_core.checks import non_negative_number, positive_number
 from shields.uncertainty import checked_uncertainty
 
 # What an authority takes the place of, None for no limit.
-FREE_NUMBERS = MappingProxyType(
+FREE_NUMBERS: Mapping[str, Any] = MappingProxyType(
     {
         "snap_max": 200.0,
         "reserve": 3.0,
@@ -51,7 +52,9 @@ def checked_settings(
 
 def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
     """Free numbers, the defaults where none is given."""
-    number = {name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()}
+    number: dict[str, Any] = {
+        name: FREE_NUMBERS[name] if value is None else value for name, value in given.items()
+    }
     found = {
         "snap_max": positive_number("snap_max", number["snap_max"]),
         "reserve": _at_least_one("reserve", number["reserve"]),

@@ -1,7 +1,5 @@
 """The vehicle's authority: the proposition attacked inside its box, and shown to be tight at its edge."""
 
-import math
-
 import gymnasium
 import numpy as np
 import pytest
@@ -9,9 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
 from quadsafe_env.authority import (
-    YawRange,
     authority,
-    limit_yaw_batch,
     steering_thrust,
     yaw_range,
 )
@@ -20,6 +16,7 @@ from quadsafe_env.params import PRESETS
 from quadsafe_env.rotors import levers, rotor_thrusts
 from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, hover_state
 from quadsafe_env.world import Passed
+from quadsafe_env.yaw import YawRange
 
 CRAZYFLIE = PRESETS["crazyflie"]
 VEHICLES = {
@@ -255,25 +252,6 @@ def test_bad_numbers():
         steering_thrust(0, 1.0, 1.0, YawRange(1.0, 1.0), "crazyflie")
     with pytest.raises(ValueError, match=r"^direction must be longer than 0, got a vector of zeros$"):
         authority("crazyflie").acceleration_along([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-
-
-@pytest.mark.interpreted
-def test_limited_yaw_keeps_to_its_range_and_returns_to_it():
-    yaw, rng = YawRange(2.0, 15.0), np.random.default_rng(3)
-    states = hover_state(np.zeros((50, 3)), CRAZYFLIE)
-    states[:25, OMEGA + 2] = rng.uniform(-2, 2, 25)
-    states[25:, OMEGA + 2] = rng.uniform(-9, 9, 25)
-    for _ in range(60):
-        wished = rng.normal(size=50) * 100.0
-        kept = wished.copy()
-        limit_yaw_batch(states, 0.01, yaw, kept)
-        assert (np.abs(kept) <= 15.0).all()
-        states[:, OMEGA + 2] += 0.01 * kept
-        assert (np.abs(states[:25, OMEGA + 2]) <= 2.0 + 1e-12).all()
-    assert (np.abs(states[:, OMEGA + 2]) <= 2.0 + 1e-12).all()
-    unlimited = wished.copy()
-    limit_yaw_batch(states, 0.01, YawRange(math.inf, math.inf), unlimited)
-    np.testing.assert_array_equal(unlimited, wished)
 
 
 def plant(n=None, **keywords):

@@ -72,7 +72,7 @@ def test_first_non_finite_entry_is_named(value, sentence):
             [True, Fraction(1, 2)],
         ),
         *(1j, [1j, 2.0], np.zeros(2, dtype=complex), np.zeros(2, dtype="M8[s]"), np.zeros(2, dtype="m8[s]")),
-        *([[1.0], [1.0, 2.0]], {"a": 1}, object(), [10**400]),
+        *([[1.0], [1.0, 2.0]], {"a": 1}, Exception, [10**400]),
     ],
     ids=repr,
 )

@@ -19,6 +19,7 @@ from quadsafe_env.params import PRESETS
 from quadsafe_env.plant import Plant, packed, unpacked
 from quadsafe_env.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, VELOCITY, hover_state
 from quadsafe_env.task import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
+from quadsafe_env.yaw import YawHold, YawRange
 
 CRAZYFLIE = PRESETS["crazyflie"]
 PLANT = Plant(
@@ -30,6 +31,7 @@ PLANT = Plant(
     dt=0.002,
     ends_at_goal=True,
     terminate_on_violation=False,
+    yaw=YawHold(YawRange(10.0, 40.0), 0.01),
 )
 WEIGHT = CRAZYFLIE.mass * CRAZYFLIE.gravity
 
