@@ -144,7 +144,8 @@ def adopt_stop(plan, x, start, period, spheres, limits):
 @inline_kernel
 def accept_at_once(i, plan, x, snap, period, center, velocity, radius, share, limits):
     """``accept`` by the quick test, with the segment length of the stored stop."""
-    if not norm(snap) <= limits.snap_max:
+    # The jerk of a period is largest at one of its ends.
+    if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
         return False
     after, choice = flown(x, snap, period), plan["choice"]
     h = periods_of(choice, period) * period

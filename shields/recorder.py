@@ -29,12 +29,13 @@ from shields.filtered import (
     Filtered,
 )
 from shields.shield import Shield
+from shields.watch import SENTENCE, watch_of, watch_row
 
 # The keys of what is told: lines of vectors, numbers, counts and flags.
 SNAPS = ("snap_desired", "snap_applied")
 NUMBERS = ("correction", "value", "reserve")
 COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
-FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback")
+FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback", "surprised")
 KEYS = (*SNAPS, *NUMBERS, *COUNTS, *FLAGS)
 MASKS = tuple(f"_{key}" for key in KEYS)
 
@@ -47,14 +48,15 @@ def open_batch(snaps, numbers, counts, flags):
         numbers[0, i], numbers[1, i], numbers[2, i] = 0.0, np.inf, 0.0
         counts[0, i], counts[1, i], counts[2, i], counts[3, i] = -1, 0, 0, 0
         flags[0, i], flags[1, i], flags[2, i], flags[3, i], flags[4, i] = False, True, False, True, False
+        flags[5, i] = False
 
 
 @kernel
-def count_batch(desired, answer, is_first, snaps, numbers, counts, flags):
-    """Add one control period; ``answer`` holds the snaps and facts of a ``Filtered``."""
+def count_batch(flat, desired, answer, is_first, snaps, numbers, counts, flags, last, line, known, off, most):
+    """Add one control period; ``answer`` holds what a ``Filtered`` has. A row that was surprised, or −1."""
     if is_first:
         open_batch(snaps, numbers, counts, flags)
-    n = numbers.shape[1]
+    n, surprised = numbers.shape[1], -1
     snap, facts = carved(answer, 0, FLOATS, (n, 3)), carved(answer, 24 * n, FLOATS, (n, FACTS))
     for i in range(n):
         for axis in range(3):
@@ -71,6 +73,9 @@ def count_batch(desired, answer, is_first, snaps, numbers, counts, flags):
         flags[2, i] |= facts[i, INTERVENED] != 0.0
         flags[3, i] &= facts[i, VALUE] >= -ROUNDING
         flags[4, i] |= facts[i, IS_FALLBACK] != 0.0
+        if watch_row(i, flat, snap, last, line, known, off, most):
+            flags[5, i], surprised = True, i
+    return surprised
 
 
 def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
@@ -105,7 +110,8 @@ class Recorder:
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
         self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
-        self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((5, rows), dtype=np.bool_)
+        self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((6, rows), dtype=np.bool_)
+        self._watch, self._was_surprised = watch_of(rows, shield.delay), False
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -118,10 +124,19 @@ class Recorder:
             self._has_answered = True
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, center, radius, snap, period)
-        is_first = self._periods == 0
-        count_batch(snap, answer.numbers, is_first, self._snaps, self._numbers, self._counts, self._flags)
+        if period != self._watch.most[4]:
+            self._watch.most[:] = self.shield.expectation(period)
+        record = (self._snaps, self._numbers, self._counts, self._flags)
+        surprised = count_batch(flat, snap, answer.numbers, self._periods == 0, *record, *self._watch)
+        if surprised >= 0 and not self._was_surprised:
+            self._say_surprise(surprised)
         self._periods += 1
         return answer
+
+    def _say_surprise(self, row: int) -> None:
+        self._was_surprised = True
+        off, most = (np.array2string(x, precision=3) for x in (self._watch.off[row], self._watch.most[:4]))
+        warnings.warn(SENTENCE.format(row=row, off=off, declared=most), RuntimeWarning, stacklevel=3)
 
     def _answer_in_spite_of(self, error: Exception, flat, center, radius, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
@@ -150,7 +165,8 @@ class Recorder:
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
-        self._is_named[slice(None) if mask is None else mask] = False
+        rows = slice(None) if mask is None else mask
+        self._is_named[rows], self._watch.known[rows], self._watch.line[rows] = False, 0, 0.0
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun
@@ -174,6 +190,7 @@ class Recorder:
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         instead = self.shield.backup(mask)
         self._snaps[SNAPS.index("snap_applied"), mask] = instead[mask]
+        self._watch.line[mask, -1] = instead[mask]
         self._flags[FLAGS.index("stopped")] |= mask
         return instead
 

@@ -19,6 +19,7 @@ from shields.arguments import (
     size_of,
     velocity_rows,
 )
+from shields.bounds import bounds_of
 from shields.cbf import CbfMethod
 from shields.filtered import (
     BAD_SHAPES,
@@ -30,7 +31,8 @@ from shields.filtered import (
 from shields.joint import SampledMethod
 from shields.settings import checked_settings
 from shields.tubed import TubedMethod
-from shields.uncertainty import Uncertainty
+from shields.uncertainty import Uncertainty, checked_uncertainty
+from shields.watch import expectation
 
 
 class Method(Protocol):
@@ -298,6 +300,18 @@ class Shield:
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
         self._method.override(mask, snaps)
+
+    def expectation(self, period: float) -> NDArray[np.float64]:
+        """(5,) how far the next sample may be off the predicted one in r, v, a, j, and the period."""
+        limits = bounds_of(self._settings).limits
+        longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
+        return expectation(checked_uncertainty(self._settings["uncertainty"]), period, longest)
+
+    @property
+    def delay(self) -> int:
+        """For how many periods an answer is on its way."""
+        declared = self._settings["uncertainty"]
+        return 0 if declared is None else declared["delay"]
 
     @property
     def can_lose(self) -> bool:

@@ -15,9 +15,33 @@ from numpy.typing import NDArray
 from quadsafe_core.authority import Authority
 from quadsafe_core.borrow import borrowed, carved, one_row
 from quadsafe_core.jit import inline_kernel, kernel
-from shields.arcs import Flat, combined, flat_of, flown, write3, write_flat
+from quadsafe_core.vec3 import norm, subtract
+from shields.arcs import (
+    CLEAR,
+    HIT,
+    Flat,
+    Spheres,
+    combined,
+    flat_of,
+    flown,
+    look_at_arc,
+    write3,
+    write_flat,
+)
 from shields.bounds import Bounds, bounds_of
-from shields.filtered import BAD_SHAPES, DONE, FACTS, FLOATS, Kernels, braking, checked_rows, velocities_or
+from shields.certificate import ANY_THRUST
+from shields.filtered import (
+    BAD_SHAPES,
+    DONE,
+    FACTS,
+    FLOATS,
+    IS_CERTIFIED,
+    IS_FALLBACK,
+    Kernels,
+    braking,
+    checked_rows,
+    velocities_or,
+)
 from shields.joint import PLAN_BYTES, PLANS, SETTINGS, SampledMethod, joint_row, places, unpacked
 from shields.nearest import Width
 from shields.radial import triple, vector
@@ -31,15 +55,16 @@ FLAT_BYTES, POINT_BYTES, NUMBER_BYTES = 96, 24, 8
 def tubed_places(n, k, delay):
     """Where in the memory, behind that of a sampled shield, begins what a tubed one has as well, and its size.
 
-    The flat states, centres and radii that it works on, the stops before the last answers, and the answers that
-    are on their way.
+    The flat states, centres and radii that it works on, the stops before the last answers, the answers that are
+    on their way, and how many of the last answers were certified, without a break.
     """
     flats = places(n, k)[3]
     centers = flats + FLAT_BYTES * n
     radii = centers + POINT_BYTES * n * k
     before = radii + NUMBER_BYTES * n * k
     pending = before + PLAN_BYTES * n
-    return flats, centers, radii, before, pending, pending + POINT_BYTES * n * delay
+    chains = pending + POINT_BYTES * n * delay
+    return flats, centers, radii, before, pending, chains, chains + NUMBER_BYTES * n
 
 
 @kernel
@@ -72,10 +97,47 @@ def send(i, snap, pending):
 
 
 @kernel
+def is_here_clear(i, flat, pending, chain, given, width, period):
+    """Whether the vehicle as it is, not only as it will be, is where a certificate has it.
+
+    Where all that is on its way was certified, no point of its path may lie in a sphere by more than errors do.
+    Before that the path must be clear for sure.
+    """
+    center, velocity, radius = given
+    error, delay, count = width.estimate - width.vehicle, pending.shape[1], radius.shape[1]
+    x = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+    for k in range(count):
+        if norm(subtract(x.r, triple(center, i, k))) < radius[i, k] - error:
+            return False
+    if delay == 0:
+        return True
+    is_chained, keep_out = chain[i] >= delay, np.zeros(count)
+    for k in range(count):
+        if radius[i, k] > 0.0:
+            keep_out[k] = max(radius[i, k] - error, 0.0) if is_chained else radius[i, k] + error
+    spheres = Spheres(center[i], velocity[i], keep_out)
+    for answer in range(delay):
+        snap = triple(pending, i, answer)
+        found = look_at_arc(x, snap, answer * period, period, spheres, ANY_THRUST)
+        if found == HIT or (found != CLEAR and not is_chained):
+            return False
+        x = flown(x, snap, period)
+    return True
+
+
+@kernel
+def withdraw(i, facts, is_here, chain):
+    """No certificate where the vehicle is not where it has it; count those without a break."""
+    if facts[i, IS_CERTIFIED] != 0.0 and not is_here:
+        facts[i, IS_CERTIFIED], facts[i, IS_FALLBACK] = 0.0, 1.0
+    chain[i] = chain[i] + 1.0 if facts[i, IS_CERTIFIED] != 0.0 else 0.0
+
+
+@kernel
 def tubed_batch(flat, center, radius, snap, velocity, memory, closing, authority, width, delay, out):
     """Rows of ``joint_row`` on what will be when the answer is flown; the first code that is not ``DONE``."""
     n, k = flat.shape[0], radius.shape[1]
-    flats_at, centers_at, radii_at, before_at, pending_at, size = tubed_places(n, k, delay)
+    flats_at, centers_at, radii_at, before_at, pending_at, chains_at, size = tubed_places(n, k, delay)
     half_spaces_at, velocities_at, stops_at, _ = places(n, k)
     if not (memory.shape[0] == size and out.shape[0] == (3 + FACTS) * n):
         return BAD_SHAPES
@@ -89,14 +151,16 @@ def tubed_batch(flat, center, radius, snap, velocity, memory, closing, authority
     safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
     settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority, width)
     flat, center, radius = borrowed(flat), borrowed(center), borrowed(radius)
-    period = settings.sampling.period
+    period, chain = settings.sampling.period, carved(memory, chains_at, FLOATS, (n,))
     code = checked_rows(flat, center, radius, moving, snap, safe)
     for i in range(n):
         if code == DONE:
+            is_here = is_here_clear(i, flat, pending, chain, (center, moving, radius), width, period)
             write_flat(flats[i], predicted(i, flat, pending, period))
             work_on(i, delay * period, width, (center, moving, radius), centers, radii)
             before[i] = plans[i]
             code = joint_row(i, flats, centers, radii, moving, snap, last, plans, settings, safe, facts)
+            withdraw(i, facts, is_here, chain)
             send(i, safe, pending)
     return code
 
@@ -115,7 +179,7 @@ def backup_batch(mask, k, delay, memory, out):
     Without such a stop the row brakes.
     """
     n = mask.shape[0]
-    flats_at, _, _, before_at, pending_at, _ = tubed_places(n, k, delay)
+    flats_at, _, _, before_at, pending_at, _, _ = tubed_places(n, k, delay)
     flats, before = carved(memory, flats_at, FLOATS, (n, 4, 3)), carved(memory, before_at, PLANS, (n,))
     plans = carved(memory, places(n, k)[2], PLANS, (n,))
     pending = carved(memory, pending_at, FLOATS, (n, delay, 3))
@@ -153,14 +217,15 @@ class TubedMethod(SampledMethod):
         """Empty the memory of some rows; what was on its way to them is not flown."""
         super().forget(mask)
         (n, k), delay = self._size, self._uncertainty.delay
-        *_, before_at, pending_at, _ = (int(place) for place in tubed_places(n, k, delay))
+        *_, before_at, pending_at, chains_at, _ = (int(place) for place in tubed_places(n, k, delay))
         carved(self.memory, before_at, PLANS, (n,))[mask] = np.zeros((), dtype=PLAN)
         carved(self.memory, pending_at, FLOATS, (n, delay, 3))[mask] = 0.0
+        carved(self.memory, chains_at, FLOATS, (n,))[mask] = 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Some rows fly other snaps than the last answer: their stops are void, what is on its way is not."""
         (n, _), delay = self._size, self._uncertainty.delay
-        pending_at = int(tubed_places(*self._size, delay)[-2])
+        pending_at = int(tubed_places(*self._size, delay)[-3])
         pending = carved(self.memory, pending_at, FLOATS, (n, delay, 3))
         on_the_way = pending[mask]
         on_the_way[:, -1:] = snaps[:, None]

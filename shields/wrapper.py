@@ -75,6 +75,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     | `refusals`                     | in how many control periods the nearest snap could not be certified   |
     | `stopped`                      | whether the stored stop was flown                                     |
     | `certified`                    | whether a clear stop was stored throughout (never with method "cbf")  |
+    | `surprised`                    | whether a state came that the last one and the declared errors do not |
+    |                                | allow; the first time with a RuntimeWarning                           |
 
     Args:
         env: the environment; ``env.unwrapped`` has the slot.
