@@ -12,6 +12,7 @@ from agents.config import HYPERPARAMS, Experiment
 from quadsafe_core.checks import one_of, positive_integer
 from quadsafe_env.registration import IDS
 from shields import ShieldWrapper, VectorShieldWrapper
+from shields.plant_settings import plain_settings
 
 
 class CollisionPenalty(VectorWrapper):
@@ -76,8 +77,8 @@ def checked(experiment: Experiment) -> Experiment:
     """
     hyperparams = {"n_envs": 1, **HYPERPARAMS.get(experiment.algo, {}), **experiment.hyperparams}
     positive_integer("n_envs", hyperparams["n_envs"])
-    shielded = VectorShieldWrapper(make_vector_env(experiment, 1, is_shielded=False), **experiment.shield)
-    shield = {**experiment.shield, **shielded.shield.settings}
+    # What is left out the plant gives, to every arm its own.
+    shield = {"method": "sampled", "inner_loop": "proved", **plain_settings(experiment.shield)}
     spelled = replace(experiment, shield=shield, hyperparams=hyperparams)
     for arm in experiment.arms:
         for is_shielded in (False, True):

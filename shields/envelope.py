@@ -21,12 +21,14 @@ from shields.certificate import FlightLimits
 from shields.settings import FREE_NUMBERS
 from shields.uncertainty import (
     MOST_TAKEN,
+    NONE,
     POLES,
     Tube,
-    added_over,
+    Uncertainty,
     best_tube,
     check_period,
     checked_uncertainty,
+    predicted_error,
     share_taken,
     tube_at,
 )
@@ -44,6 +46,7 @@ MOST_SHARE, MOST_RADIUS = 1.0 / 3.0, 0.02
 MOST_STEPS = 100
 # Steps of σ, down to numbers at which nothing moves.
 SCALES = tuple(0.8**k for k in range(32))
+NO_TUBE = Tube(np.zeros(4), 0.0, np.zeros(4), np.zeros(4))
 
 
 def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str, Any]:
@@ -56,7 +59,7 @@ def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str
     Raises:
         ValueError: for a number that contradicts the plant on the unsafe side, or where no numbers will do.
     """
-    told = checked_uncertainty(settings.get("uncertainty"))
+    told = checked_uncertainty(settings.get("uncertainty")) or NONE
     given = settings.get("authority")
     if given is None and model.authority is not None:
         _refuse_free_numbers(settings)
@@ -68,9 +71,14 @@ def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str
     band = ThrustBand(whole.thrust_min, whole.thrust_max, whole.gravity)
     limits = FlightLimits(whole.snap_max, whole.snap_max, whole.jerk_max, band)
     error = _error(limits, model, model.physics_hz)
-    if not _fits(error, limits, model, MOST_TAKEN):
-        raise _too_slow("authority", whole, [limits], model, MOST_TAKEN)
+    if not _fits(error, limits, told, 1.0 / model.control_hz, MOST_TAKEN):
+        raise _too_slow("authority", whole, [limits], model, told)
     return {**settings, "authority": whole._asdict(), "uncertainty": _with_error(told, error)}
+
+
+def _declared(told: Uncertainty) -> str:
+    errors = {name: value for name, value in told._asdict().items() if value}
+    return f" with {errors}" if errors else ""
 
 
 WAYS_OUT = "inner_loop='measured' counts on the margin instead"
@@ -99,9 +107,9 @@ def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dic
     for numbers in candidates:
         limits = _limits(numbers)
         error = _error(limits, model, model.physics_hz)
-        if _fits(error, limits, model, MOST_SHARE):
+        if _fits(error, limits, told, 1.0 / model.control_hz, MOST_SHARE):
             return {**settings, **numbers, "uncertainty": _with_error(told, error)}
-    raise _too_slow("settings", given, map(_limits, candidates), model, MOST_SHARE)
+    raise _too_slow("settings", given, map(_limits, candidates), model, told)
 
 
 def _error(limits: FlightLimits, model: FlightModel, physics_hz: int) -> float:
@@ -109,19 +117,18 @@ def _error(limits: FlightLimits, model: FlightModel, physics_hz: int) -> float:
 
 
 def _too_slow(
-    name: str, given: Any, candidates: Iterable[FlightLimits], model: FlightModel, most: float
+    name: str, given: Any, candidates: Iterable[FlightLimits], model: FlightModel, told: Uncertainty
 ) -> ValueError:
     """The sentence for numbers that the inner loop does not follow, with the rate at which it does."""
-    tried, lowest = list(candidates), None
+    tried, period, wanted = list(candidates), 1.0 / model.control_hz, "lower numbers or errors"
     for steps in range(1, MOST_STEPS):
         rate = steps * model.control_hz
-        if any(_fits(_error(limits, model, rate), limits, model, most) for limits in tried):
-            lowest = rate
+        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_SHARE) for limits in tried):
+            wanted = f"physics_hz >= {rate}"
             break
-    wanted = "lower numbers" if lowest is None else f"physics_hz >= {lowest}"
     return ValueError(
         f"{name} must be such that the inner loop follows, with {wanted} at control_hz = {model.control_hz}, "
-        f"got {given} at physics_hz = {model.physics_hz}; {WAYS_OUT}"
+        f"got {given or 'none given'} at physics_hz = {model.physics_hz}{_declared(told)}; {WAYS_OUT}"
     )
 
 
@@ -151,28 +158,49 @@ def _limits(numbers: Mapping[str, float]) -> FlightLimits:
 
 
 @cache
-def unit_tubes(period: float) -> tuple[Tube, ...]:
-    """The tubes of a snap that is off by 1 m/s⁴, for every pole; those of d̄ are d̄ times as wide."""
-    added = added_over(period, 1.0, 0.0)
-    return tuple(tube_at(pole, np.zeros(4), added, period) for pole in POLES)
+def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
+    """The tubes of what was told, for every pole."""
+    error, added = predicted_error(told, check_period(period), 0.0)
+    return tuple(tube_at(pole, error, added, period) for pole in POLES)
 
 
-def _fits(error: float, limits: FlightLimits, model: FlightModel, most: float) -> bool:
-    """Whether an error of the snap alone leaves enough of the limits, and of the room."""
+def _wider(base: Tube, unit: Tube, snap: float) -> Tube:
+    """A tube in which the snap may be off by more: all of it is linear in what is wrong."""
+    return Tube(
+        base.deviation + snap * unit.deviation,
+        base.feedback + snap * unit.feedback,
+        base.error + snap * unit.error,
+        base.gains,
+    )
+
+
+def _fits(error: float, limits: FlightLimits, told: Uncertainty, period: float, most: float) -> bool:
+    """Whether the inner loop's error alone, and all errors together, leave enough of limits and room."""
     if not error < math.inf or not limits.band.least < limits.band.gravity:
         return False
-    tubes = [
-        Tube(error * tube.deviation, error * tube.feedback, tube.error, tube.gains)
-        for tube in unit_tubes(check_period(1.0 / model.control_hz))
-    ]
-    tube = best_tube(tubes, limits)
-    return tube is not None and share_taken(tube, limits) <= most and tube.deviation[0] <= MOST_RADIUS
+    unit = tubes(Uncertainty(snap=1.0, delay=told.delay), period)
+    base = tubes(told._replace(snap=0.0, gain=0.0), period)
+    alone = best_tube([_wider(NO_TUBE._replace(gains=tube.gains), tube, error) for tube in unit], limits)
+    if alone is None or share_taken(alone, limits) > most or alone.deviation[0] > MOST_RADIUS:
+        return False
+    snap = max(error, told.snap) + told.gain * limits.snap_max
+    return best_tube([_wider(*pair, snap) for pair in zip(base, unit, strict=True)], limits) is not None
 
 
-def _with_error(told, error: float) -> dict[str, Any]:
-    """The uncertainty with the error of the inner loop on top of what was told."""
-    table = {} if told is None else told._asdict()
-    return {**table, "snap": table.get("snap", 0.0) + error}
+def _with_error(told: Uncertainty, error: float) -> dict[str, Any]:
+    """The uncertainty with the error of the inner loop in it.
+
+    Raises:
+        ValueError: if less was told.
+    """
+    if told.snap == 0.0:
+        return told._replace(snap=error)._asdict()
+    if told.snap < error * (1.0 - 1e-9):
+        raise ValueError(
+            f"uncertainty.snap must hold the error of the inner loop, {error:.4g} m/s⁴, and what comes on top, "
+            f"got {told.snap:g}; {WAYS_OUT}"
+        )
+    return told._asdict()
 
 
 def _refuse_free_numbers(settings: Mapping[str, Any]) -> None:

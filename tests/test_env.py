@@ -33,6 +33,7 @@ INFO = {
     "crash": bool,
     "invalid_action": bool,
     "saturated": bool,
+    "spinning": bool,
 }
 every_face = pytest.mark.parametrize(("name", "action"), [(name, action) for name in IDS for action in ACTIONS])
 

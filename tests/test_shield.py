@@ -277,7 +277,7 @@ def test_settings_survive_json_pickle_and_copies():
     for twin in twins:
         assert twin.settings == shield.settings
         assert np.array_equal(twin.filter(*question).snap, expected.snap)
-    assert repr(shield).startswith("Shield(method='cbf', snap_max=40.0, reserve=2.0, alpha=1.5,")
+    assert repr(shield).startswith("Shield(method='cbf', snap_max=40.0, reserve=2.0, held_snap_max=None,")
     assert cbf(snap_max=np.float32(2.0)).settings["snap_max"] == 2.0
 
 

@@ -393,7 +393,7 @@ MET = {
 def test_the_plant_has_the_bounds_of_its_conditions():
     env = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=MET | {"drag": 0.1, "inertia_error": 0.2})
     found = Uncertainty(**env.unwrapped.uncertainty())
-    thrust = env.unwrapped.authority().thrust_max
+    thrust = env.unwrapped.params.thrust_max / env.unwrapped.params.mass
     assert found.wind == pytest.approx(0.1 + 3 * 0.02 + 0.1 * 5.0 + 0.005 / 0.995 * thrust, rel=1e-12)
     assert found[:5] == pytest.approx((0.005, 0.005, 0.05, 0.2, 15.0))
     assert found.gain == pytest.approx(1.01 / 0.8 - 1.0)

@@ -17,7 +17,17 @@ from quadsafe_env.vector_env import QuadrotorVectorEnv
 from quadsafe_env.world import Passed
 
 ACTIONS = ("velocity", "snap", "wrench")
-KEYS = ("cost", "clearance", "is_success", "violation", "out_of_bounds", "crash", "invalid_action", "saturated")
+KEYS = (
+    "cost",
+    "clearance",
+    "is_success",
+    "violation",
+    "out_of_bounds",
+    "crash",
+    "invalid_action",
+    "saturated",
+    "spinning",
+)
 every_face = pytest.mark.parametrize(("name", "action"), [(name, action) for name in IDS for action in ACTIONS])
 
 
