@@ -67,7 +67,7 @@ def fly(env_id: str, arm: str, duration: float) -> dict[str, Any]:
     )
     settings = ARMS[arm]
     if settings is not None:
-        env = VectorShieldWrapper(env, **settings)
+        env = VectorShieldWrapper(env, inner_loop="measured", **settings)
     observations, _ = env.reset(seed=0)
     tracker, alive = Tracker(env, duration), np.ones(n, dtype=bool)
     row: dict[str, Any] = dict.fromkeys(COLUMNS, 0)

@@ -385,8 +385,8 @@ def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted
     wrong[1, 0] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
         braked = recorder.filter(wrong, center, radius, np.full((2, 3), 7.0), 0.02)
-    *_, at, _ = (int(place) for place in tubed_places(2, 1, 2))
-    pending = shield.snapshot()["memory"][at:].view(float).reshape(2, 2, 3)
+    *_, at, end, _ = (int(place) for place in tubed_places(2, 1, 2))
+    pending = shield.snapshot()["memory"][at:end].view(float).reshape(2, 2, 3)
     np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
 

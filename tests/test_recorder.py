@@ -24,6 +24,11 @@ NOTHING = dict(
 class Script:
     """A shield that gives the answers of a list, one after the other; a row is a snap and what is special."""
 
+    delay = 0
+
+    def expectation(self, period):
+        return np.array([np.inf, np.inf, np.inf, np.inf, period])
+
     def __init__(self, *answers):
         self.answers = list(answers)
 
@@ -38,7 +43,7 @@ def recorded(*answers, desired=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))):
     """The summary after a step of these answers, and the recorder."""
     recorder = Recorder(Script(*answers), 2)  # type: ignore[arg-type]
     for _ in answers:
-        recorder.filter(None, None, None, np.array(desired), 0.01)
+        recorder.filter(np.zeros((2, 4, 3)), None, None, np.array(desired), 0.01)
     return recorder.summary(np.array([True, False])), recorder
 
 
@@ -99,7 +104,7 @@ def test_the_next_step_starts_anew():
     assert not recorder.intervened_share().any()
     assert not recorder.summary(np.ones(2, dtype=bool))["stopped"].any()
     recorder.shield.answers.append([((0.0, 0.0, 0.0), {})] * 2)  # type: ignore[attr-defined]
-    recorder.filter(None, None, None, np.zeros((2, 3)), 0.01)
+    recorder.filter(np.zeros((2, 4, 3)), None, None, np.zeros((2, 3)), 0.01)
     told = recorder.summary(np.ones(2, dtype=bool))
     assert told["interventions"].tolist() == [0, 0] and told["certified"].all() and told["in_set"].all()
 
@@ -120,7 +125,7 @@ def told_after(*calls):
     recorder.begin()
     for rows in calls:
         if rows is None:
-            recorder.filter(None, None, None, np.ones((2, 3)), 0.01)
+            recorder.filter(np.zeros((2, 4, 3)), None, None, np.ones((2, 3)), 0.01)
         else:
             recorder.reset(np.array(rows))
     return recorder.summary(np.ones(2, dtype=bool)), recorder
@@ -156,7 +161,7 @@ def test_the_only_row_is_told_as_the_rows_are():
     told, _ = recorded([((7.0, 8.0, 9.0), dict(correction=1.0, obstacle=3, fallback=True))] * 2)
     script = Script([((7.0, 8.0, 9.0), dict(correction=1.0, obstacle=3, fallback=True))])
     recorder = Recorder(script, 1)  # type: ignore[arg-type]
-    recorder.filter(None, None, None, np.array([[1.0, 2.0, 3.0]]), 0.01)
+    recorder.filter(np.zeros((1, 4, 3)), None, None, np.array([[1.0, 2.0, 3.0]]), 0.01)
     for name, entry in recorder.summary_of_one().items():
         assert np.array_equal(entry, told[name][0]), name
 

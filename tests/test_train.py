@@ -57,7 +57,7 @@ def test_a_run_leaves_its_record(finished):
     each = ["episodes.csv", "flights.csv", "policy.pt", "progress.csv", "training.json"]
     assert set(found) >= set(own + [f"{arm}_seed0/{name}" for arm in ("none", "shield") for name in each])
     config = yaml.safe_load((finished / "config.yml").read_text())
-    assert config["n_timesteps"] == 6000 and config["shield"]["snap_max"] > 0
+    assert config["n_timesteps"] == 6000 and config["shield"]["inner_loop"] == "proved"
     assert config["hyperparams"]["gamma"] == 0.99 and config["hyperparams"]["n_envs"] == 16
 
 

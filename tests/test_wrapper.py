@@ -150,6 +150,7 @@ def test_info_describes_the_policy_step():
         "refusals": int,
         "stopped": bool,
         "certified": bool,
+        "surprised": bool,
     }
 
 

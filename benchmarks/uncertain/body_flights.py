@@ -79,7 +79,7 @@ def fly(
     env = gymnasium.make_vec(
         "QuadSafe/Avoid-v0", flights, conditions=conditions, max_episode_steps=steps, **rates(rate)
     )
-    env = env if settings is None else VectorShieldWrapper(env, **settings)
+    env = env if settings is None else VectorShieldWrapper(env, inner_loop="measured", **settings)
     observations, _ = env.reset(seed=seed * flights)
     plant: Any = env.unwrapped
     pilots = Pilots(np.random.default_rng([seed, rate]), flights, 1.0 / rate, kinds)
@@ -123,7 +123,7 @@ def inner_loop_error(rate: int, settings: dict[str, Any], flights: int, seed: in
         max_episode_steps=10**9,
         **rates(rate),
     )
-    env = VectorShieldWrapper(env, **settings)
+    env = VectorShieldWrapper(env, inner_loop="measured", **settings)
     env.reset(seed=seed)
     plant: Any = env.unwrapped
     rng, errors = np.random.default_rng(seed), []
