@@ -10,6 +10,7 @@ tube takes no more than a share of the limits and no more distance than is worth
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ THRUST_SHARE, ABOVE_FLOOR = 0.4, 0.25
 BODY_RATE = 15.0
 # Longest snap that is flown over the longest of a stop: velocity commands ask for more on a reversal.
 HELD_OVER_STOP = 5.0 / 3.0
-# What the error of the inner loop may take: of a stop's snap, jerk and way to the thrust floor, and of room, m.
+# What the error of the inner loop should take: of a stop's snap, jerk and way to the thrust floor; and of room, m.
 MOST_SHARE, MOST_RADIUS = 1.0 / 3.0, 0.02
 # Physics rates are looked for up to so many times that of control.
 MOST_STEPS = 100
@@ -104,10 +105,10 @@ def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dic
     given = {name: settings[name] for name in FREE_NUMBERS if settings.get(name) is not None}
     _check_numbers(given, model)
     candidates = list(_scaled(given, model))
-    for numbers in candidates:
+    for most, numbers in product((MOST_SHARE, MOST_TAKEN), candidates):
         limits = _limits(numbers)
         error = _error(limits, model, model.physics_hz)
-        if _fits(error, limits, told, 1.0 / model.control_hz, MOST_SHARE):
+        if _fits(error, limits, told, 1.0 / model.control_hz, most):
             return {**settings, **numbers, "uncertainty": _with_error(told, error)}
     raise _too_slow("settings", given, map(_limits, candidates), model, told)
 
@@ -123,7 +124,7 @@ def _too_slow(
     tried, period, wanted = list(candidates), 1.0 / model.control_hz, "lower numbers or errors"
     for steps in range(1, MOST_STEPS):
         rate = steps * model.control_hz
-        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_SHARE) for limits in tried):
+        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_TAKEN) for limits in tried):
             wanted = f"physics_hz >= {rate}"
             break
     return ValueError(
