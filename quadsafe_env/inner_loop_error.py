@@ -94,7 +94,7 @@ def snap_error(
     """d̄, m/s⁴; infinite where the wrench of a step is no bound for the snap.
 
     With an inertia that is off by the share ι = ``inertia``, torques turn the body by up to ι/(1 − ι) more: of
-    ‖u‖ that is a ``gain``; of the rest, ι/(1 − ι) (2 j̄ϖ + ν w j̄), it is counted in here.
+    ‖u‖ that is a ``gain``; of the rest, ι/(1 − ι) (j̄ϖ + ν w j̄), it is counted in here.
 
     Args:
         flight: what is kept to.
@@ -110,7 +110,7 @@ def snap_error(
     for _ in range(ROUNDS):
         found = slopes(S, flight, shape, dt)
         K, L, M = found[:3]
-        more = wrong * (S + 2.0 * flight.jerk * turn + shape.coupling * flight.yaw.rate * flight.jerk)
+        more = wrong * (S + flight.jerk * turn + shape.coupling * flight.yaw.rate * flight.jerk)
         needed = flight.snap + more + 0.5 * K * dt * (1.0 + L * dt) + 0.5 * M * dt * dt
         if needed <= S:
             steady = more - wrong * flight.snap

@@ -41,7 +41,7 @@ THRUST_SHARE, ABOVE_FLOOR = 0.4, 0.25
 BODY_RATE = 15.0
 # Longest snap that is flown over the longest of a stop: velocity commands ask for more on a reversal.
 HELD_OVER_STOP = 5.0 / 3.0
-# What the error of the inner loop should take: of a stop's snap, jerk and way to the thrust floor; and of room, m.
+# What the error of the inner loop may take: of a stop's snap, jerk and way to the thrust floor, and of room, m.
 MOST_SHARE, MOST_RADIUS = 1.0 / 3.0, 0.02
 # Physics rates are looked for up to so many times that of control.
 MOST_STEPS = 100
@@ -105,7 +105,9 @@ def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dic
     given = {name: settings[name] for name in FREE_NUMBERS if settings.get(name) is not None}
     _check_numbers(given, model)
     candidates = list(_scaled(given, model))
-    for most, numbers in product((MOST_SHARE, MOST_TAKEN), candidates):
+    # Errors that were told may take the rest of what errors may take at all.
+    shares = (MOST_SHARE,) if told == NONE else (MOST_SHARE, MOST_TAKEN)
+    for most, numbers in product(shares, candidates):
         limits = _limits(numbers)
         error = _error(limits, model, model.physics_hz)
         if _fits(error, limits, told, 1.0 / model.control_hz, most):
@@ -124,7 +126,7 @@ def _too_slow(
     tried, period, wanted = list(candidates), 1.0 / model.control_hz, "lower numbers or errors"
     for steps in range(1, MOST_STEPS):
         rate = steps * model.control_hz
-        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_TAKEN) for limits in tried):
+        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_SHARE) for limits in tried):
             wanted = f"physics_hz >= {rate}"
             break
     return ValueError(

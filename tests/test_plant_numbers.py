@@ -165,7 +165,7 @@ def test_what_was_not_told_is_said_in_the_same_step_and_warned_of_once(condition
     assert [SURPRISE in str(warning.message) for warning in said].count(True) == 1
 
 
-@pytest.mark.parametrize("told", [{"wind": 0.5}, "indoor", {"delay": 2, "loss": 0.4}, {"inertia_error": 0.05}])
+@pytest.mark.parametrize("told", [{"wind": 0.5}, "indoor", {"delay": 2, "loss": 0.4}, {"inertia_error": 0.03}])
 def test_what_was_told_is_no_surprise(told):
     found = fly(rows(16, conditions=told, shield={"uncertainty": "conditions"}), 100)
     assert (found["surprised"], found["cost"], found["crash"]) == (0, 0, 0)
