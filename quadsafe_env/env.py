@@ -76,11 +76,16 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     | `violation`, `out_of_bounds`, `crash`| what this step did; a crash leaves the last sound state          |
     | `invalid_action`                     | the action was not finite                                        |
     | `saturated`                          | a rotor was clipped at a physics substep; False without limits   |
+    | `spinning`                           | ω_z was beyond its range at a control instant of this step       |
+
+    ### Yaw
+    In every interface |ω_z| is kept to the vehicle's `yaw_rate_max` (10 rad/s by default) and to 0.02 rad in a
+    physics step, and ω̇_z to 40 rad/s² at 500 Hz (``quadsafe_env.yaw``). A state set beyond that comes back.
 
     ### Rotor limits
     By default the rotors give whatever thrust and torque the snap asks for. With `rotor_limits=True` each keeps
-    to [0, thrust_max/4], as told in ``quadsafe_env.rotors``, and the desired yaw motion to |ω_z| <= 2 rad/s and
-    a yaw acceleration that the rotors can give. Within `authority()` no rotor is clipped.
+    to [0, thrust_max/4], as told in ``quadsafe_env.rotors``, and the yaw motion to |ω_z| <= 2 rad/s and a yaw
+    acceleration that the rotors can give. Within `authority()` no rotor is clipped.
 
     ### Real conditions
     By default the estimate is exact and every answer of the filter is flown at once, in still air, by the

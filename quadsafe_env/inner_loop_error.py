@@ -88,6 +88,11 @@ def slopes(snap: float, flight: Flight, shape: Shape, dt: float) -> Slopes:
     return Slopes(K, 3.0 * math.sqrt(2.0) * turn + (1.0 + nu) * w, M, turn, turn_rate)
 
 
+def lead(flight: Flight, params: QuadrotorParams, dt: float) -> float:
+    """K δ/2, m/s⁴: how far the snap that the wrench of a step is made for is from the one that is held."""
+    return 0.5 * dt * slopes(flight.snap, flight, shape_of(params), dt).crackle
+
+
 def snap_error(
     flight: Flight, params: QuadrotorParams, dt: float, period: float, inertia: float = 0.0
 ) -> float:

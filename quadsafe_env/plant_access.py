@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
-from quadsafe_env.authority import authority
+from quadsafe_env.authority import authority, yaw_range
 from quadsafe_env.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
-from quadsafe_env.inner_loop_error import Flight, snap_error
+from quadsafe_env.inner_loop_error import Flight, lead, snap_error
 from quadsafe_env.params import QuadrotorParams
 from quadsafe_env.slot import SnapFilter
 from quadsafe_env.world import World
@@ -31,8 +31,22 @@ class PlantAccess:
         return self._world.conditions
 
     def authority(self) -> Authority:
-        """Bounds within which no rotor is clipped with ``rotor_limits=True``."""
-        return authority(self.params)
+        """Bounds within which no rotor is clipped with ``rotor_limits=True``.
+
+        Those of ``quadsafe_env.authority``, less what the inner loop asks for on top of a held snap.
+
+        Raises:
+            ValueError: for a physics rate at which that is all.
+        """
+        whole, dt = authority(self.params), 1.0 / self._world.rates.physics
+        flight = Flight(whole.snap_max, whole.jerk_max, whole.thrust_min, yaw_range(self.params))
+        left = whole.snap_max - lead(flight, self.params, dt)
+        if left <= 0.0:
+            raise ValueError(
+                "physics_hz must be high enough for the inner loop to leave a part of the vehicle's authority, "
+                f"got {self._world.rates.physics}"
+            )
+        return whole._replace(snap_max=left)
 
     def uncertainty(self) -> dict[str, Any]:
         """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
@@ -52,7 +66,7 @@ class PlantAccess:
             gravity=p.gravity,
             thrust_min=p.thrust_min / p.mass,
             thrust_max=p.thrust_max / p.mass,
-            authority=authority(p) if self._world.rotor_limits else None,
+            authority=self.authority() if self._world.rotor_limits else None,
             physics_hz=rates.physics,
             control_hz=rates.control,
             snap_error=self._snap_error,
