@@ -12,7 +12,7 @@ FOREST, AVOID = "QuadSafe/Forest-v0", "QuadSafe/Avoid-v0"
 
 
 def attack(name, shield, n=64, seconds=8.0, wait=1.0, **keywords):
-    """Spin up at rest, then fly mostly straight at the nearest sphere: who collided, and who was uncertified."""
+    """Spin up at rest, then fly mostly straight at the nearest sphere: who collided, who was uncertified."""
     env = gymnasium.make_vec(name, n, terminate_on_violation=False, max_episode_steps=10**9, **keywords)
     env = VectorShieldWrapper(env, **shield)
     env.reset(seed=0)
