@@ -9,8 +9,9 @@ Let at every instant ‖r⁗ asked‖ <= U, ‖r⃛‖ <= j̄, the specific thru
     ‖κ̇‖  <= M = 6 A ‖z̈‖ + 4 j̄ ‖z⃛‖ + ‖t z⁗‖
 
 and the error d = s − u of the wrench of ``held_wrench`` is κ̂ (t' − δ/2) + e(t') at the time t' of the step,
-with |∫e| <= m t', m = (L K/4 + M/6) δ². The first term has no mean, and leaves no more than K δ²/12 of jerk on
-average. So over a control period Δ the jerk, acceleration, velocity and position are off no more than a snap of
+with |∫e| <= m t', m = (L K/4 + M/6) δ² for J_x = J_y. The first term has no mean, and leaves no more than
+K δ²/12 of jerk on average. So over a control period Δ jerk, acceleration, velocity and position are off no more
+than a snap of
 
     d̄ = m + K δ² / (3Δ)
 
@@ -53,39 +54,41 @@ def shape_of(params: QuadrotorParams) -> Shape:
 
 
 class Slopes(NamedTuple):
-    """K, L and M of the module's text, and bounds of |ω_⊥| and |ω̇_⊥|."""
+    """K, L and M of the module's text, how far ω̇_z is off the one asked for, and what a period adds to ω_z."""
 
     crackle: float
     gain: float
     bend: float
-    turn: float
-    turn_rate: float
+    yaw_error: float
+    yaw_drift: float
 
 
-def slopes(snap: float, flight: Flight, shape: Shape, dt: float) -> Slopes:
-    """K, L and M for ‖s‖ <= ``snap``."""
+def slopes(snap: float, flight: Flight, shape: Shape, dt: float, inertia_gain: float = 0.0) -> Slopes:
+    """K, L and M for ‖s‖ <= ``snap``; torques turn the body by up to ``inertia_gain`` more than believed."""
     nu, turning, yawing = shape
-    w, beta = flight.yaw
     j, t = flight.jerk, flight.thrust
     turn = j / t
     A = snap + j * turn
     alpha = A / t
+    w = BEYOND * flight.yaw.rate
     turn_rate = alpha + w * turn
-    # J_x ≠ J_y turns the body about its thrust while the wrench is held.
-    w_rate2 = yawing * turn * turn_rate
-    beta += dt * w_rate2
-    w += dt * beta
+    # ω_x ω_y turns the body about its thrust if J_x ≠ J_y: it is known at the middle of a step, to first order.
+    twist = yawing * turn * turn_rate
+    yaw_error = twist * dt + 0.25 * yawing * (turn_rate * dt) ** 2
+    yaw_error += inertia_gain * (flight.yaw.acceleration + yawing * turn * turn)
+    beta = flight.yaw.acceleration + yaw_error
     K = 3.0 * math.sqrt(2.0) * turn * snap + math.sqrt(5.0) * turn * turn * j
     K += (1.0 + nu) * w * A + nu * (w * w + beta) * j
     spin = beta * turn + w * turn_rate
     bent = nu * spin + w * alpha
     z2, z3 = alpha + turn**2, bent + 3.0 * turn * alpha + turn**3
-    later = nu * (w_rate2 * turn + 2.0 * beta * turn_rate + w * turning * spin)
+    later = nu * (twist * turn + 2.0 * beta * turn_rate + w * turning * spin)
     later += beta * alpha + w * nu * spin + w * bent
     z4 = later + 4.0 * turn * bent + 3.0 * alpha**2 + 6.0 * turn**2 * alpha + turn**4
     # Where t is larger than t̲, ζ and α are smaller by as much: t z⁗ is largest at t̲.
     M = 6.0 * A * z2 + 4.0 * j * z3 + t * z4
-    return Slopes(K, 3.0 * math.sqrt(2.0) * turn + (1.0 + nu) * w, M, turn, turn_rate)
+    drift = 0.25 * turn * K / t + (turn * turning * spin + turn_rate**2) / 6.0 + 0.25 * turn_rate**2
+    return Slopes(K, 3.0 * math.sqrt(2.0) * turn + (1.0 + nu) * w, M, yaw_error, yawing * drift * dt * dt)
 
 
 def lead(flight: Flight, params: QuadrotorParams, dt: float) -> float:
@@ -110,16 +113,17 @@ def snap_error(
     """
     flight = Flight(flight.snap, BEYOND * flight.jerk, flight.thrust / BEYOND, flight.yaw)
     shape, wrong = shape_of(params), inertia / (1.0 - inertia)
-    turn = flight.jerk / flight.thrust
+    j, yaw = flight.jerk, flight.yaw
     S = flight.snap
     for _ in range(ROUNDS):
-        found = slopes(S, flight, shape, dt)
-        K, L, M = found[:3]
-        more = wrong * (S + flight.jerk * turn + shape.coupling * flight.yaw.rate * flight.jerk)
+        K, L, M, yaw_error, yaw_drift = slopes(S, flight, shape, dt, wrong)
+        more = wrong * (S + j * j / flight.thrust + shape.coupling * yaw.rate * j)
         needed = flight.snap + more + 0.5 * K * dt * (1.0 + L * dt) + 0.5 * M * dt * dt
         if needed <= S:
-            steady = more - wrong * flight.snap
-            return steady + (0.25 * L * K + M / 6.0) * dt * dt + K * dt * dt / (3.0 * period)
+            if yaw_drift * period + yaw_error * dt > (BEYOND - 1.0) * yaw.rate and shape.yawing > 0.0:
+                break
+            mean = more - wrong * flight.snap + 0.5 * dt * (L * more + shape.coupling * j * yaw_error)
+            return mean + (0.25 * L * K + M / 6.0) * dt * dt + K * dt * dt / (3.0 * period)
         S = needed * (1.0 + 1e-6)
         if 10.0 * flight.snap + 1e3 < S:
             break

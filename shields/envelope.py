@@ -124,7 +124,7 @@ def _too_slow(
 ) -> ValueError:
     """The sentence for numbers that the inner loop does not follow, with the rate at which it does."""
     tried, period, wanted = list(candidates), 1.0 / model.control_hz, "lower numbers or errors"
-    for steps in range(1, MOST_STEPS):
+    for steps in range(model.physics_hz // model.control_hz + 1, MOST_STEPS):
         rate = steps * model.control_hz
         if any(_fits(_error(limits, model, rate), limits, told, period, MOST_SHARE) for limits in tried):
             wanted = f"physics_hz >= {rate}"

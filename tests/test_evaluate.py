@@ -207,10 +207,11 @@ def test_columns_line_up():
     )
 
 
-def test_checked_spells_out_the_shield():
+def test_checked_spells_out_the_kind_of_shield_and_leaves_the_rest_to_the_plant():
     shield = checked(Experiment(shield={"alpha": 3.0, "intervention_penalty": 0.1})).shield
     assert shield["alpha"] == 3.0 and shield["intervention_penalty"] == 0.1
-    assert {"method", "snap_max", "margin"} <= set(shield)
+    assert (shield["method"], shield["inner_loop"]) == ("sampled", "proved")
+    assert "snap_max" not in shield and "uncertainty" not in shield
 
 
 @pytest.mark.parametrize(
