@@ -38,6 +38,12 @@ COLUMNS = (
     "mean_speed",
     "stuck",
     "seconds",
+    "physics",
+    "vehicle",
+    "conditions",
+    "task",
+    "lost_certificates",
+    "spinning",
 )
 
 

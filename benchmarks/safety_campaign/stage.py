@@ -1,5 +1,7 @@
 """The stage of an attack: N quadrotors, one sphere, one control rate, and how a snap becomes an action."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -15,6 +17,8 @@ from shields import VectorShieldWrapper
 
 # Settings of every arm; "sampled" is the default shield as it comes.
 ARMS: dict[str, dict[str, Any] | None] = {"sampled": {}, "cbf": {"method": "cbf"}, "none": None}
+CENTER = (2.0, 0.0, 2.0)
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 VEHICLE_RADIUS = params_from("crazyflie").radius
 # The campaign ends the episodes itself: the ids' own time limits would cut them off after some hundred steps.
 NO_LIMIT = 10**9
@@ -34,10 +38,10 @@ def rates(rate: int) -> dict[str, Any]:
     return {"policy_hz": rate, "control_hz": rate, "physics_hz": 500 if 500 % rate == 0 else 1000}
 
 
-def shielded(env: gymnasium.vector.VectorEnv, arm: str) -> gymnasium.vector.VectorEnv:
-    """The env with the arm's shield, if it has one."""
+def shielded(env: gymnasium.vector.VectorEnv, arm: str, **more: Any) -> gymnasium.vector.VectorEnv:
+    """The env with the arm's shield, if it has one, with more settings."""
     settings = ARMS[arm]
-    return env if settings is None else VectorShieldWrapper(env, **settings)
+    return env if settings is None else VectorShieldWrapper(env, **settings, **more)
 
 
 class Stage:
@@ -48,25 +52,32 @@ class Stage:
         n: number of vehicles.
         center: of the sphere, m.
         env_id: "QuadSafe/Flight-v0" has the widest bounds and does not end at its goal.
+        shield: more settings of the shield.
+        world: more keywords of ``make_vec``, or others.
     """
 
-    def __init__(self, setting: Setting, n: int, center=(2.0, 0.0, 2.0), env_id: str = "QuadSafe/Flight-v0"):
+    def __init__(
+        self,
+        setting: Any,
+        n: int,
+        center=CENTER,
+        env_id: str = "QuadSafe/Flight-v0",
+        shield: Mapping[str, Any] = NOTHING,
+        **world: Any,
+    ):
         self.setting, self.n, self.center = setting, n, np.array(center)
         self.period = 1.0 / setting.rate
-        self.env = shielded(
-            gymnasium.make_vec(
-                env_id,
-                n,
-                action=setting.action,
-                obstacles=[[*center, setting.radius - VEHICLE_RADIUS]],
-                terminate_on_violation=False,
-                max_episode_steps=NO_LIMIT,
-                **rates(setting.rate),
-            ),
-            setting.arm,
-        )
+        keywords = {
+            "action": setting.action,
+            "obstacles": [[*center, setting.radius - VEHICLE_RADIUS]],
+            "terminate_on_violation": False,
+            "max_episode_steps": NO_LIMIT,
+            **rates(setting.rate),
+            **world,
+        }
+        self.env = shielded(gymnasium.make_vec(env_id, n, **keywords), setting.arm, **shield)
         self.plant: Any = self.env.unwrapped
-        self._gains = velocity_gains(self.period)
+        self._gains = velocity_gains(self.plant.control_period)
 
     def place(self, offset: NDArray) -> None:
         """Start every episode over, at rest at these offsets (N, 3) from the centre, m."""
