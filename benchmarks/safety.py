@@ -21,8 +21,10 @@ import numpy as np
 from safety_campaign import attacks, chain, forest, spinning, tables
 from safety_campaign.flights import fly_attack
 from safety_campaign.results import ROOT, Results, revision
-from safety_campaign.stage import ARMS, Setting
+from safety_campaign.stage import Setting
 
+# The first is the one that is tried; the others show that the attacks are attacks.
+ARMS, YAW_ARMS = ("sampled", "cbf", "none"), ("sampled", "measured", "none")
 ACTIONS = ("snap", "velocity", "wrench")
 ATTACKS: dict[str, Callable[[], Any]] = {
     "tracker": attacks.TrackerAttack,
@@ -50,7 +52,7 @@ class Scale(NamedTuple):
     yaw_rates: tuple[tuple[int, int], ...] = spinning.RATES
 
 
-SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,), 500, ((500, 100), (50, 10)))
+SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,), 500, ((500, 100), (50, 50)))
 
 
 class Job(NamedTuple):
@@ -112,12 +114,12 @@ def chain_jobs(scale: Scale, seed: int) -> Iterator[Job]:
 
 
 def yaw_jobs(scale: Scale, seed: int) -> Iterator[Job]:
-    """Pilots that spin, against every vehicle and under conditions; without a shield where there are none."""
-    for arm in ("sampled", "none"):
+    """Pilots that spin, against every vehicle and under conditions; the other arms with the plainest."""
+    for arm in YAW_ARMS:
         for setting in spinning.settings(arm, scale.yaw_rates):
-            if arm == "sampled" or setting.conditions == spinning.OFF:
+            if arm == "sampled" or setting.is_plain:
                 key = " ".join(map(str, ("yaw", *setting, seed)))
-                columns = {"kind": "yaw", **setting._asdict(), "seed": seed}
+                columns = {"kind": "yaw", **setting._asdict(), "radius": setting.radius, "seed": seed}
                 yield Job(key, columns, partial(run_spin, setting, scale.yaw_steps, key))
 
 

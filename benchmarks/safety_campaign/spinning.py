@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from quadsafe_env.params import params_from
 from safety_campaign.attacks import SnapAttack, directions, gains_of, to_center, towards
 from safety_campaign.flights import Tally, fly_episode
-from safety_campaign.stage import CENTER, Stage
+from safety_campaign.stage import Stage
 
 # Physics and control, Hz.
 RATES = (
@@ -59,7 +59,7 @@ MET: Mapping[str, Met] = MappingProxyType(
         "delay 1": Met({"delay": 1}, gap=0.5),
         "delay 5": Met({"delay": 5}, ((1000, 1000), (500, 500), (500, 100), (200, 200), (100, 100)), gap=0.5),
         "inertia ± 5 %": Met({"inertia_error": 0.05}, ((100, 20), (50, 10))),
-        "inertia ± 5 %, slow yaw": Met(
+        "inertia ± 5 % and slow yaw": Met(
             {"inertia_error": 0.05},
             ((1000, 1000), (500, 500), (500, 100), (500, 50), (500, 20), (500, 10), (250, 50), (200, 200)),
             "slow yaw",
@@ -72,7 +72,6 @@ MEAN_HOLD = 0.3
 # Slow shields, those of few physics steps or long periods, are given the time to come near.
 DURATION, LONG_DURATION = 8.0, 30.0
 LEAST_ROWS = 8
-SHIELD: Mapping[str, Any] = MappingProxyType({"uncertainty": "conditions"})
 
 
 class Spin(NamedTuple):
@@ -86,13 +85,22 @@ class Spin(NamedTuple):
     vehicle: str = "crazyflie"
     conditions: str = OFF
     task: str = SPHERE
-    radius: float = KEEP_OUT
 
     @property
     def policy(self) -> int:
         """Rate of the pilot, Hz."""
         slow = min(self.rate, POLICY_HZ)
         return slow if self.rate % slow == 0 else self.rate
+
+    @property
+    def radius(self) -> float | None:
+        """Keep-out radius of the one sphere, m; a forest draws its own."""
+        return KEEP_OUT if self.task == SPHERE else None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it is the default vehicle without conditions, or a forest without."""
+        return self.conditions == OFF and (self.vehicle == "crazyflie" or not self.radius)
 
     @property
     def duration(self) -> float:
@@ -118,22 +126,25 @@ class SpinStage(Stage):
     """N vehicles of a kind among spheres, under conditions, at rates of control and physics."""
 
     def __init__(self, setting: Spin, n: int):
-        in_forest, met = setting.task == FOREST, MET[setting.conditions]
-        vehicle = params_from(VEHICLES[setting.vehicle])
-        super().__init__(
-            setting,
-            n,
-            env_id="QuadSafe/Forest-v0" if in_forest else "QuadSafe/Flight-v0",
-            shield=SHIELD if met.conditions else {},
-            params=VEHICLES[setting.vehicle],
-            conditions=met.conditions,
-            obstacles=None if in_forest else [[*CENTER, setting.radius - vehicle.radius]],
-            policy_hz=setting.policy,
-            control_hz=setting.rate,
-            physics_hz=setting.physics,
-        )
+        super().__init__(setting, n, env_id="QuadSafe/Flight-v0" if setting.radius else "QuadSafe/Forest-v0")
         self.period = 1.0 / setting.policy
-        self.is_forest = in_forest
+
+    def world(self):
+        """The rates, the vehicle, the conditions, and the sphere if there is one."""
+        setting, vehicle = self.setting, params_from(VEHICLES[self.setting.vehicle])
+        sphere = [[*self.center.tolist(), setting.radius - vehicle.radius]] if setting.radius else None
+        return {
+            "obstacles": sphere,
+            "params": vehicle,
+            "conditions": MET[setting.conditions].conditions,
+            "policy_hz": setting.policy,
+            "control_hz": setting.rate,
+            "physics_hz": setting.physics,
+        }
+
+    def shield(self):
+        """Conditions are declared."""
+        return {"uncertainty": "conditions"} if self.setting.conditions != OFF else {}
 
     def relative(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3) relative to the centre of the nearest sphere."""
@@ -152,7 +163,7 @@ class SpinAttack(SnapAttack):
     def begin(self, stage, rng):
         """At rest around the sphere, or at the start of a forest."""
         self._rng = rng
-        if not stage.is_forest:
+        if stage.setting.radius:
             gap = MET[stage.setting.conditions].gap
             distance = stage.setting.radius + gap + rng.exponential(0.3, stage.n)
             stage.place(distance[:, None] * directions(rng, stage.n))

@@ -1,7 +1,5 @@
 """The stage of an attack: N quadrotors, one sphere, one control rate, and how a snap becomes an action."""
 
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -16,9 +14,13 @@ from quadsafe_env.state import hover_state
 from shields import VectorShieldWrapper
 
 # Settings of every arm; "sampled" is the default shield as it comes.
-ARMS: dict[str, dict[str, Any] | None] = {"sampled": {}, "cbf": {"method": "cbf"}, "none": None}
+ARMS: dict[str, dict[str, Any] | None] = {
+    "sampled": {},
+    "cbf": {"method": "cbf"},
+    "measured": {"inner_loop": "measured"},
+    "none": None,
+}
 CENTER = (2.0, 0.0, 2.0)
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 VEHICLE_RADIUS = params_from("crazyflie").radius
 # The campaign ends the episodes itself: the ids' own time limits would cut them off after some hundred steps.
 NO_LIMIT = 10**9
@@ -52,32 +54,31 @@ class Stage:
         n: number of vehicles.
         center: of the sphere, m.
         env_id: "QuadSafe/Flight-v0" has the widest bounds and does not end at its goal.
-        shield: more settings of the shield.
-        world: more keywords of ``make_vec``, or others.
     """
 
-    def __init__(
-        self,
-        setting: Any,
-        n: int,
-        center=CENTER,
-        env_id: str = "QuadSafe/Flight-v0",
-        shield: Mapping[str, Any] = NOTHING,
-        **world: Any,
-    ):
+    def __init__(self, setting: Any, n: int, center=CENTER, env_id: str = "QuadSafe/Flight-v0"):
         self.setting, self.n, self.center = setting, n, np.array(center)
         self.period = 1.0 / setting.rate
-        keywords = {
-            "action": setting.action,
-            "obstacles": [[*center, setting.radius - VEHICLE_RADIUS]],
-            "terminate_on_violation": False,
-            "max_episode_steps": NO_LIMIT,
-            **rates(setting.rate),
-            **world,
-        }
-        self.env = shielded(gymnasium.make_vec(env_id, n, **keywords), setting.arm, **shield)
+        env = gymnasium.make_vec(
+            env_id,
+            n,
+            action=setting.action,
+            terminate_on_violation=False,
+            max_episode_steps=NO_LIMIT,
+            **self.world(),
+        )
+        self.env = shielded(env, setting.arm, **self.shield())
         self.plant: Any = self.env.unwrapped
         self._gains = velocity_gains(self.plant.control_period)
+
+    def world(self) -> dict[str, Any]:
+        """The sphere and the rates, as keywords of ``make_vec``."""
+        sphere = [*self.center.tolist(), self.setting.radius - VEHICLE_RADIUS]
+        return {"obstacles": [sphere], **rates(self.setting.rate)}
+
+    def shield(self) -> dict[str, Any]:
+        """More settings of the shield."""
+        return {}
 
     def place(self, offset: NDArray) -> None:
         """Start every episode over, at rest at these offsets (N, 3) from the centre, m."""
