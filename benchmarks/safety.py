@@ -18,11 +18,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from safety_campaign import attacks, chain, forest, tables
+from safety_campaign import attacks, chain, forest, spinning, tables
 from safety_campaign.flights import fly_attack
 from safety_campaign.results import ROOT, Results, revision
-from safety_campaign.stage import ARMS, Setting
+from safety_campaign.stage import Setting
 
+# The first is the one that is tried; the others show that the attacks are attacks.
+ARMS, YAW_ARMS = ("sampled", "cbf", "none"), ("sampled", "measured", "none")
 ACTIONS = ("snap", "velocity", "wrench")
 ATTACKS: dict[str, Callable[[], Any]] = {
     "tracker": attacks.TrackerAttack,
@@ -46,9 +48,11 @@ class Scale(NamedTuple):
     samples: int = 100_000  # per order, inside and outside
     rates: tuple[int, ...] = (20, 25, 50, 100, 200, 500, 1000)
     radii: tuple[float, ...] = (1.0, 0.3)
+    yaw_steps: int = 2_000  # per pilot, vehicle, interface and pair of rates
+    yaw_rates: tuple[tuple[int, int], ...] = spinning.RATES
 
 
-SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,))
+SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,), 500, ((500, 100), (50, 50)))
 
 
 class Job(NamedTuple):
@@ -109,9 +113,29 @@ def chain_jobs(scale: Scale, seed: int) -> Iterator[Job]:
         yield Job(f"border {order} {seed}", columns, partial(chain.try_border, order, scale.samples, seed))
 
 
+def yaw_jobs(scale: Scale, seed: int) -> Iterator[Job]:
+    """Pilots that spin, against every vehicle and under conditions; the other arms with the plainest."""
+    for arm in YAW_ARMS:
+        for setting in spinning.settings(arm, scale.yaw_rates):
+            if arm == "sampled" or setting.is_plain:
+                key = " ".join(map(str, ("yaw", *setting, seed)))
+                columns = {"kind": "yaw", **setting._asdict(), "radius": setting.radius, "seed": seed}
+                yield Job(key, columns, partial(run_spin, setting, scale.yaw_steps, key))
+
+
+def run_spin(setting: spinning.Spin, steps: int, key: str) -> list[dict[str, Any]]:
+    """The row of one attack by the yaw motion."""
+    return [spinning.fly(setting, steps, np.random.default_rng(zlib.crc32(key.encode())))]
+
+
 def jobs(scale: Scale, seed: int, weights: Path) -> list[Job]:
     """The whole campaign."""
-    return [*attack_jobs(scale, seed, weights), *forest_jobs(scale, seed), *chain_jobs(scale, seed)]
+    return [
+        *attack_jobs(scale, seed, weights),
+        *forest_jobs(scale, seed),
+        *chain_jobs(scale, seed),
+        *yaw_jobs(scale, seed),
+    ]
 
 
 def run_job(job: Job) -> tuple[Job, list[dict[str, Any]]]:

@@ -3,6 +3,7 @@
 import importlib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -15,6 +16,9 @@ CASES = (
     ("climber", "wrench", 25),
     ("paid policy", "velocity", 25),
 )
+# Attacks by the yaw motion at 50 Hz of control and physics: every pilot, and every interface, with every arm.
+YAW = ("spin snap", "alternate velocity", "tumble wrench")
+YAW_VEHICLES = ("moon off sphere", "J_z > 2 J_x off sphere", "crazyflie loss 0.9 forest")
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +33,9 @@ def jobs(safety, tmp_path_factory):
     """The jobs of a short campaign that the tests fly."""
     scale = safety.SHORT._replace(training_steps=8_192, flights=8, samples=500)
     cases = {f"{arm} {attack} {action} {rate} " for arm in safety.ARMS for attack, action, rate in CASES}
-    kinds = (*cases, "forest 20 2.0", "chain 2 25", "chain 4 25", "border")
+    yaw = {f"yaw {arm} {attack} 50 50 crazyflie off" for arm in safety.YAW_ARMS for attack in YAW}
+    yaw |= {f"yaw sampled {attack} 50 50 {vehicle}" for attack in YAW for vehicle in YAW_VEHICLES}
+    kinds = (*cases, *yaw, "forest 20 2.0", "chain 2 25", "chain 4 25", "border")
     return [
         job for job in safety.jobs(scale, 0, tmp_path_factory.mktemp("weights")) if job.key.startswith(kinds)
     ]
@@ -69,6 +75,40 @@ def test_the_attacks_do_violate_the_other_arms(tables, results, arm):
 @pytest.mark.parametrize("attack", ["tracker", "overhead", "orbit", "random", "climber"])
 def test_each_attack_collides_without_a_shield(tables, results, attack):
     assert count(tables, results, "violated_episodes", "attack", arm="none", attack=attack) > 0
+
+
+def test_no_spin_takes_a_certificate_or_leaves_its_range(tables, results):
+    assert count(tables, results, "steps", "yaw", arm="sampled") >= 12_000
+    for column in ("violated_steps", "lost_certificates", "uncertified", "crashes", "spinning"):
+        assert count(tables, results, column, "yaw", arm="sampled") == 0, column
+
+
+def test_spins_do_take_certificates_of_a_shield_that_does_not_count_on_them(tables, results):
+    assert count(tables, results, "lost_certificates", "yaw", arm="measured") > 0
+
+
+@pytest.mark.parametrize("attack", ["spin", "alternate", "tumble"])
+def test_each_spinning_pilot_collides_without_a_shield(tables, results, attack):
+    assert count(tables, results, "violated_episodes", "yaw", arm="none", attack=attack) > 0
+
+
+def test_a_certificate_is_lost_where_one_was_in_the_same_episode(safety):
+    tally = safety.spinning.SpinTally(4, periods=3)
+    info = {name: np.zeros(4) for name in ("cost", "crash", "out_of_bounds", "clearance", "spinning")}
+    counts = {name: np.zeros(4) for name in ("interventions", "refusals", "stopped")}
+    # Always one; lost; an episode that ends; never one.
+    for certified, ended in (([1, 1, 1, 0], [0, 0, 1, 0]), ([1, 0, 0, 0], [0] * 4)):
+        shield = {**counts, "certified": np.array(certified, dtype=np.bool_)}
+        tally.add({**info, "shield": shield}, np.array(ended, dtype=np.bool_))
+    assert tally.counts["lost_certificates"] == 1
+    assert (tally.counts["uncertified"], tally.counts["steps"]) == (4, 24)
+
+
+def test_results_with_other_columns_are_refused(safety, tmp_path):
+    path = tmp_path / "old.csv"
+    path.write_text("key,revision\n")
+    with pytest.raises(ValueError, match=r"^path must be a file with the columns key,.*, got key,revision$"):
+        safety.Results(path)
 
 
 def test_among_20_spheres_the_shield_keeps_clear_and_keeps_flying(tables, results):

@@ -38,6 +38,12 @@ COLUMNS = (
     "mean_speed",
     "stuck",
     "seconds",
+    "physics",
+    "vehicle",
+    "conditions",
+    "task",
+    "lost_certificates",
+    "spinning",
 )
 
 
@@ -46,6 +52,9 @@ class Results:
 
     Args:
         path: the file; made with a header if it is not there. A last line that was cut off is dropped.
+
+    Raises:
+        ValueError: for a file with other columns.
     """
 
     def __init__(self, path: Path):
@@ -56,6 +65,9 @@ class Results:
         text = path.read_bytes()
         if not text.endswith(b"\n"):
             path.write_bytes(text[: text.rfind(b"\n") + 1])
+        header = text.partition(b"\n")[0].decode()
+        if header != ",".join(COLUMNS):
+            raise ValueError(f"path must be a file with the columns {','.join(COLUMNS)}, got {header}")
 
     @property
     def rows(self) -> list[dict[str, str]]:

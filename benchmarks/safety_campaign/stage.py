@@ -14,7 +14,13 @@ from quadsafe_env.state import hover_state
 from shields import VectorShieldWrapper
 
 # Settings of every arm; "sampled" is the default shield as it comes.
-ARMS: dict[str, dict[str, Any] | None] = {"sampled": {}, "cbf": {"method": "cbf"}, "none": None}
+ARMS: dict[str, dict[str, Any] | None] = {
+    "sampled": {},
+    "cbf": {"method": "cbf"},
+    "measured": {"inner_loop": "measured"},
+    "none": None,
+}
+CENTER = (2.0, 0.0, 2.0)
 VEHICLE_RADIUS = params_from("crazyflie").radius
 # The campaign ends the episodes itself: the ids' own time limits would cut them off after some hundred steps.
 NO_LIMIT = 10**9
@@ -34,10 +40,10 @@ def rates(rate: int) -> dict[str, Any]:
     return {"policy_hz": rate, "control_hz": rate, "physics_hz": 500 if 500 % rate == 0 else 1000}
 
 
-def shielded(env: gymnasium.vector.VectorEnv, arm: str) -> gymnasium.vector.VectorEnv:
-    """The env with the arm's shield, if it has one."""
+def shielded(env: gymnasium.vector.VectorEnv, arm: str, **more: Any) -> gymnasium.vector.VectorEnv:
+    """The env with the arm's shield, if it has one, with more settings."""
     settings = ARMS[arm]
-    return env if settings is None else VectorShieldWrapper(env, **settings)
+    return env if settings is None else VectorShieldWrapper(env, **settings, **more)
 
 
 class Stage:
@@ -50,23 +56,29 @@ class Stage:
         env_id: "QuadSafe/Flight-v0" has the widest bounds and does not end at its goal.
     """
 
-    def __init__(self, setting: Setting, n: int, center=(2.0, 0.0, 2.0), env_id: str = "QuadSafe/Flight-v0"):
+    def __init__(self, setting: Any, n: int, center=CENTER, env_id: str = "QuadSafe/Flight-v0"):
         self.setting, self.n, self.center = setting, n, np.array(center)
         self.period = 1.0 / setting.rate
-        self.env = shielded(
-            gymnasium.make_vec(
-                env_id,
-                n,
-                action=setting.action,
-                obstacles=[[*center, setting.radius - VEHICLE_RADIUS]],
-                terminate_on_violation=False,
-                max_episode_steps=NO_LIMIT,
-                **rates(setting.rate),
-            ),
-            setting.arm,
+        env = gymnasium.make_vec(
+            env_id,
+            n,
+            action=setting.action,
+            terminate_on_violation=False,
+            max_episode_steps=NO_LIMIT,
+            **self.world(),
         )
+        self.env = shielded(env, setting.arm, **self.shield())
         self.plant: Any = self.env.unwrapped
-        self._gains = velocity_gains(self.period)
+        self._gains = velocity_gains(self.plant.control_period)
+
+    def world(self) -> dict[str, Any]:
+        """The sphere and the rates, as keywords of ``make_vec``."""
+        sphere = [*self.center.tolist(), self.setting.radius - VEHICLE_RADIUS]
+        return {"obstacles": [sphere], **rates(self.setting.rate)}
+
+    def shield(self) -> dict[str, Any]:
+        """More settings of the shield."""
+        return {}
 
     def place(self, offset: NDArray) -> None:
         """Start every episode over, at rest at these offsets (N, 3) from the centre, m."""

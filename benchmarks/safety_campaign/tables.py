@@ -1,6 +1,7 @@
 """The tables of docs/safety.md, from the results."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 from safety_campaign.results import upper_bound
@@ -181,6 +182,49 @@ def border(rows: list[Row]) -> str:
     return markdown(["order", "samples on each side", "inside and lost", "outside and kept"], body)
 
 
+def yaw(title: str, *labels: Callable[[Row], str]):
+    """Attacks by the yaw motion: a line for every label, beside the same attacks without a shield."""
+    header = f"{title}, control steps, episodes, violated steps, certificates lost, uncertified, crashes, "
+    header += (
+        "beyond the yaw range, least clearance, measured: violated, measured: certificates lost, none: violated"
+    )
+
+    def table(rows: list[Row]) -> str:
+        parts: dict[str, list[Row]] = {}
+        for label, row in product(labels, kind(rows, "yaw")):
+            parts.setdefault(label(row), []).append(row)
+        return markdown(header.split(", "), [yaw_line(name, part) for name, part in parts.items()])
+
+    return table
+
+
+def yaw_line(label: str, rows: list[Row]) -> list[str]:
+    """One line of the table of yaw."""
+    safe, measured, bare = (kind(rows, "yaw", arm=arm) for arm in ("sampled", "measured", "none"))
+    steps, episodes = total(safe, "steps"), total(safe, "episodes")
+    return [
+        label,
+        f"{steps:,}",
+        f"{episodes:,}",
+        rate(total(safe, "violated_steps"), steps),
+        *(f"{total(safe, name):,}" for name in ("lost_certificates", "uncertified", "crashes", "spinning")),
+        f"{1000 * min(float(row['least_clearance']) for row in safe):.2f} mm",
+        violated_share(measured),
+        f"{total(measured, 'lost_certificates'):,}" if measured else "–",
+        violated_share(bare),
+    ]
+
+
+def violated_share(rows: list[Row]) -> str:
+    """Share of violated episodes, a dash where none was flown."""
+    return share(total(rows, "violated_episodes"), total(rows, "episodes")) if rows else "–"
+
+
+def labelled(column: str) -> Callable[[Row], str]:
+    """The name of a column with its value."""
+    return lambda row: f"{column}: {row[column]}"
+
+
 def revisions(rows: list[Row]) -> str:
     """What was measured, and how long it took."""
     seconds = sum(float(row["seconds"]) for row in rows)
@@ -195,6 +239,8 @@ TABLES = {
     "by rate": by("rate", "rate Hz"),
     "by action": by("action", "interface"),
     "forest": forest,
+    "yaw": yaw("part", lambda _: "all", *map(labelled, ("attack", "action", "vehicle", "conditions", "task"))),
+    "yaw by rate": yaw("physics / control Hz", lambda row: f"{row['physics']} / {row['rate']}"),
     "chain": chain,
     "border": border,
 }
