@@ -3,6 +3,8 @@
 python benchmarks/inner_loop.py    the table of docs/theory/inner_loop.md
 """
 
+from typing import Any
+
 import gymnasium
 
 import quadsafe_env  # noqa: F401 - registers the ids
@@ -18,7 +20,7 @@ RATES = (
 
 def line(physics: int, control: int) -> list[str]:
     """Snaps, jerk, d̄, tube and the share of a stop's snap that it takes; a refusal in words."""
-    rates = {"physics_hz": physics, "control_hz": control, "policy_hz": control}
+    rates: dict[str, Any] = {"physics_hz": physics, "control_hz": control, "policy_hz": control}
     try:
         settings = ShieldWrapper(gymnasium.make("QuadSafe/Avoid-v0", **rates)).shield.settings
     except ValueError as error:
