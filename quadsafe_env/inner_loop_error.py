@@ -56,8 +56,8 @@ def shape_of(params: QuadrotorParams) -> Shape:
 class Slopes(NamedTuple):
     """K, L and M of the module's text, ‖t J⁻¹τ‖ across the thrust, and what ω_x ω_y does to the yaw motion.
 
-    ``yaw_error`` is how far ω̇_z is off the one asked for; ``yaw_drift`` is what of that is left in the mean of a
-    step, but for a gain of the one asked for.
+    ``yaw_error`` is how far ω̇_z is off the one asked for; ``yaw_drift`` is what of that is left in the mean of
+    a step, but for a gain of the one asked for.
     """
 
     crackle: float

@@ -371,6 +371,38 @@ def test_every_interface_keeps_the_yaw_rate(action, conditions, limits):
         assert np.abs(env.unwrapped.state[:, 17]).max() <= 1.01 * kept
 
 
+MEETS_ALL = {"delay": 2, "loss": 0.3, "jitter": 0.3, "inertia_error": 0.2}
+
+
+@pytest.mark.parametrize("vehicle", ["crazyflie", "unequal"])
+@pytest.mark.parametrize("conditions", [None, MEETS_ALL], ids=["off", "all"])
+@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+def test_a_single_env_keeps_the_yaw_rate_for_twenty_seconds(action, conditions, vehicle):
+    env = gymnasium.make(
+        "QuadSafe/Avoid-v0", action=action, conditions=conditions, obstacles=[], params=VEHICLES[vehicle]
+    ).unwrapped
+    env.reset(seed=0)
+    kept, most = env._world.yaw_hold_at(0.002).range.rate, 0.0
+    for _ in range(20 * env._world.rates.policy):
+        _, _, is_over, _, info = env.step(np.array([0.0, 0.0, 0.0, 1.0]))
+        assert not info["spinning"] and not is_over
+        most = max(most, abs(env.state[17]))
+    # The wrench that a policy asks for is less than what the range allows.
+    assert 0.1 * kept < most <= 1.01 * kept
+
+
+def test_a_single_start_beyond_comes_back_and_says_so():
+    env = gymnasium.make("QuadSafe/Avoid-v0", obstacles=[]).unwrapped
+    env.reset(seed=0)
+    state = env.state.copy()
+    state[17] = -25.0
+    env.state = state
+    told = [env.step(np.zeros(4))[4]["spinning"] for _ in range(20)]
+    assert told[0] and not told[-1]
+    assert told == sorted(told, reverse=True)
+    assert abs(env.state[17]) <= 10.0
+
+
 @pytest.mark.parametrize("is_shielded", [False, True])
 def test_a_start_beyond_comes_back_and_says_so(is_shielded):
     env = gymnasium.make_vec("QuadSafe/Avoid-v0", 2, obstacles=[])
