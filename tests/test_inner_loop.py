@@ -260,6 +260,16 @@ def test_at_every_instant_of_a_period_the_bound_holds(name, rates):
     assert spin <= 1.01
 
 
+@pytest.mark.parametrize(("rates", "reached"), [((500, 100), 0.18), ((25, 25), 0.33)], ids=str)
+def test_what_the_worst_of_twenty_thousand_periods_takes_of_the_bound(rates, reached):
+    flight, error = numbers_at(*rates, CRAZYFLIE)
+    share, _, flights = finely(
+        np.random.default_rng(11), flight, CRAZYFLIE, CRAZYFLIE, rates, error, 0.0, 20_000
+    )
+    assert flights > 10_000
+    assert share == pytest.approx(reached, abs=0.02)
+
+
 PLANK = params_from({"inertia": [1e-5, 5e-5, 5.5e-5]})
 IOTA = 0.1
 
