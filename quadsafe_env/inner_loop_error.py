@@ -54,11 +54,16 @@ def shape_of(params: QuadrotorParams) -> Shape:
 
 
 class Slopes(NamedTuple):
-    """K, L and M of the module's text, how far ω̇_z is off the one asked for, and what a period adds to ω_z."""
+    """K, L and M of the module's text, ‖t J⁻¹τ‖ across the thrust, and what ω_x ω_y does to the yaw motion.
+
+    ``yaw_error`` is how far ω̇_z is off the one asked for; ``yaw_drift`` is what of that is left in the mean of
+    a step, but for a gain of the one asked for.
+    """
 
     crackle: float
     gain: float
     bend: float
+    torque: float
     yaw_error: float
     yaw_drift: float
 
@@ -72,10 +77,12 @@ def slopes(snap: float, flight: Flight, shape: Shape, dt: float, inertia_gain: f
     alpha = A / t
     w = BEYOND * flight.yaw.rate
     turn_rate = alpha + w * turn
+    torque = A + nu * w * j
     # ω_x ω_y turns the body about its thrust if J_x ≠ J_y: it is known at the middle of a step, to first order.
     twist = yawing * turn * turn_rate
-    yaw_error = twist * dt + 0.25 * yawing * (turn_rate * dt) ** 2
-    yaw_error += inertia_gain * (flight.yaw.acceleration + yawing * turn * turn)
+    unknown = inertia_gain * yawing * 0.5 * (turn + 0.5 * dt * turn_rate) ** 2
+    yaw_error = 1.5 * twist * dt + 0.125 * yawing * (turn_rate * dt) ** 2
+    yaw_error += inertia_gain * flight.yaw.acceleration + unknown
     beta = flight.yaw.acceleration + yaw_error
     K = 3.0 * math.sqrt(2.0) * turn * snap + math.sqrt(5.0) * turn * turn * j
     K += (1.0 + nu) * w * A + nu * (w * w + beta) * j
@@ -87,8 +94,17 @@ def slopes(snap: float, flight: Flight, shape: Shape, dt: float, inertia_gain: f
     z4 = later + 4.0 * turn * bent + 3.0 * alpha**2 + 6.0 * turn**2 * alpha + turn**4
     # Where t is larger than t̲, ζ and α are smaller by as much: t z⁗ is largest at t̲.
     M = 6.0 * A * z2 + 4.0 * j * z3 + t * z4
-    drift = 0.25 * turn * K / t + (turn * turning * spin + turn_rate**2) / 6.0 + 0.25 * turn_rate**2
-    return Slopes(K, 3.0 * math.sqrt(2.0) * turn + (1.0 + nu) * w, M, yaw_error, yawing * drift * dt * dt)
+    drift = 0.25 * turn * K / t + (turn * turning * spin + turn_rate**2) / 6.0 + 0.125 * turn_rate**2
+    drift = yawing * dt * (drift * dt + 0.5 * turn * inertia_gain * torque / t) + unknown
+    return Slopes(K, 3.0 * math.sqrt(2.0) * turn + (1.0 + nu) * w, M, torque, yaw_error, drift)
+
+
+def keeps_yaw(found: Slopes, yaw: YawRange, dt: float, period: float, inertia_gain: float) -> bool:
+    """Whether |ω_z| keeps to ``BEYOND`` times its range, at every instant, whatever ω_x ω_y does to it."""
+    # With an inertia that is off, a period brings back (1 − ι)/(1 + ι) of what is beyond at its start.
+    beyond = found.yaw_drift * period * (1.0 + 2.0 * inertia_gain)
+    is_held = beyond <= yaw.acceleration * period
+    return found.yaw_drift == 0.0 or (is_held and beyond + found.yaw_error * dt <= (BEYOND - 1.0) * yaw.rate)
 
 
 def lead(flight: Flight, params: QuadrotorParams, dt: float) -> float:
@@ -99,7 +115,7 @@ def lead(flight: Flight, params: QuadrotorParams, dt: float) -> float:
 def snap_error(
     flight: Flight, params: QuadrotorParams, dt: float, period: float, inertia: float = 0.0
 ) -> float:
-    """d̄, m/s⁴; infinite where the wrench of a step is no bound for the snap.
+    """d̄, m/s⁴; infinite where the wrench of a step is no bound for the snap, or the yaw range is not kept.
 
     With an inertia that is off by the share ι = ``inertia``, torques turn the body by up to ι/(1 − ι) more: of
     ‖u‖ that is a ``gain``; of the rest, ι/(1 − ι) (j̄ϖ + ν w j̄), it is counted in here.
@@ -113,17 +129,19 @@ def snap_error(
     """
     flight = Flight(flight.snap, BEYOND * flight.jerk, flight.thrust / BEYOND, flight.yaw)
     shape, wrong = shape_of(params), inertia / (1.0 - inertia)
-    j, yaw = flight.jerk, flight.yaw
     S = flight.snap
     for _ in range(ROUNDS):
-        K, L, M, yaw_error, yaw_drift = slopes(S, flight, shape, dt, wrong)
-        more = wrong * (S + j * j / flight.thrust + shape.coupling * yaw.rate * j)
-        needed = flight.snap + more + 0.5 * K * dt * (1.0 + L * dt) + 0.5 * M * dt * dt
+        found = slopes(S, flight, shape, dt, wrong)
+        K, L, M, torque, yaw_error, _ = found
+        more = wrong * torque
+        # How far κ at the start of a step is off the one that its wrench is made with.
+        off = L * (0.5 * K * dt + more) + shape.coupling * flight.jerk * yaw_error
+        needed = flight.snap + more + 0.5 * K * dt + off * dt + 0.5 * M * dt * dt
         if needed <= S:
-            if yaw_drift * period + yaw_error * dt > (BEYOND - 1.0) * yaw.rate and shape.yawing > 0.0:
+            if not keeps_yaw(found, flight.yaw, dt, period, wrong):
                 break
-            mean = more - wrong * flight.snap + 0.5 * dt * (L * more + shape.coupling * j * yaw_error)
-            return mean + (0.25 * L * K + M / 6.0) * dt * dt + K * dt * dt / (3.0 * period)
+            mean = more - wrong * flight.snap + (0.5 * off + M * dt / 6.0) * dt
+            return mean + K * dt * dt / (3.0 * period)
         S = needed * (1.0 + 1e-6)
         if 10.0 * flight.snap + 1e3 < S:
             break

@@ -35,6 +35,52 @@ def after_step(s, wrench, params, dt, parts):
 
 
 @kernel
+def off_chain(now, begin, snap, axis, t):
+    """How far (r, v, a, j) along an axis are off (9) with the snap held for t since the beginning."""
+    r, v, a, j, u = begin[0][axis], begin[1][axis], begin[2][axis], begin[3][axis], snap[axis]
+    return (
+        now[0][axis] - (r + t * (v + t * (a / 2 + t * (j / 6 + t * u / 24)))),
+        now[1][axis] - (v + t * (a + t * (j / 2 + t * u / 6))),
+        now[2][axis] - (a + t * (j + t * u / 2)),
+        now[3][axis] - (j + t * u),
+    )
+
+
+@kernel
+def share_of(now, begin, snap, t, most):
+    """The largest share of ``most`` that the deviations from the chain are long."""
+    x, y, z = (
+        off_chain(now, begin, snap, 0, t),
+        off_chain(now, begin, snap, 1, t),
+        off_chain(now, begin, snap, 2, t),
+    )
+    share = 0.0
+    for i in range(4):
+        share = max(share, np.sqrt(x[i] ** 2 + y[i] ** 2 + z[i] ** 2) / (most[i] + 1e-12))
+    return share
+
+
+@kernel
+def watched(s, snap, yaw_acceleration, believed, vehicle, dt, steps, parts, allowed):
+    """A control period, finely: the largest share of d̄Δ⁴/24, …, d̄Δ that a deviation takes at any instant.
+
+    Also the least thrust, the largest jerk and the largest |ω_z| on the way.
+    """
+    T = dt * steps
+    most = (allowed * T**4 / 24, allowed * T**3 / 6, allowed * T**2 / 2, allowed * T)
+    begin, share, thrust, jerk, spin = flat_from_state(s, believed), 0.0, s[18], 0.0, abs(s[17])
+    for k in range(steps):
+        wrench = held_wrench(s, snap, yaw_acceleration, believed, dt)
+        for part in range(1, parts + 1):
+            s = rk4_step(s, wrench, vehicle, dt / parts)
+            now = flat_from_state(s, believed)
+            share = max(share, share_of(now, begin, snap, (k + part / parts) * dt, most))
+            jerk = max(jerk, np.sqrt(now[3][0] ** 2 + now[3][1] ** 2 + now[3][2] ** 2))
+            thrust, spin = min(thrust, s[18]), max(spin, abs(s[17]))
+    return share, thrust / believed.mass, jerk, spin
+
+
+@kernel
 def flown(s, snap, yaw_acceleration, believed, vehicle, dt, steps):
     """The state after so many steps of the inner loop, and the least thrust and largest jerk on the way."""
     least, most = np.inf, 0.0
@@ -184,6 +230,98 @@ def test_with_an_inertia_that_is_off_the_bound_and_a_gain_hold(name, wrong):
             assert ratios(s, after, snap, params, 0.01, allowed).max() <= 1.0
 
 
+def finely(rng, flight, params, vehicle, rates, error, gain, count):
+    """Largest shares of the bound and of w among flights that keep to the limits, and how many did."""
+    (physics, control), share, spin, flights = rates, 0.0, 0.0, 0
+    hold = yaw_hold(flight.yaw, 1.0 / physics, 1.0 / control, 0.0, 1.0 - 1.0 / (1.0 + gain))
+    for _ in range(count):
+        s, snap, asked = random_flight(rng, flight, params)
+        # Without a pull, or without a snap, a flight stays at its corner for longer.
+        s = (*s[:18], s[18] * rng.choice([1.0, 1.5]), s[19] * rng.choice([0.0, 1.0]))
+        snap = tuple(u * rng.choice([1.0, 0.1, 0.0]) for u in snap)
+        asked = limited_yaw(s[17], asked, hold)
+        allowed = error + gain * float(np.linalg.norm(snap))
+        found, thrust, jerk, turned = watched(
+            s, snap, asked, params, vehicle, 1.0 / physics, physics // control, 8, allowed
+        )
+        if thrust >= flight.thrust / 1.01 and jerk <= 1.01 * flight.jerk:
+            share, spin, flights = max(share, found), max(spin, turned / flight.yaw.rate), flights + 1
+    return share, spin, flights
+
+
+@pytest.mark.parametrize("rates", [(500, 500), (500, 100), (500, 20), (100, 20), (25, 25)], ids=str)
+@pytest.mark.parametrize("name", ["crazyflie", "unequal"])
+def test_at_every_instant_of_a_period_the_bound_holds(name, rates):
+    params, rng = VEHICLES[name], np.random.default_rng(6)
+    flight, error = numbers_at(*rates, params)
+    share, spin, flights = finely(rng, flight, params, params, rates, error, 0.0, 2000)
+    assert flights > 200
+    assert 0.02 < share <= 1.0
+    assert spin <= 1.01
+
+
+@pytest.mark.parametrize(("rates", "reached"), [((500, 100), 0.18), ((25, 25), 0.33)], ids=str)
+def test_what_the_worst_of_twenty_thousand_periods_takes_of_the_bound(rates, reached):
+    flight, error = numbers_at(*rates, CRAZYFLIE)
+    share, _, flights = finely(
+        np.random.default_rng(11), flight, CRAZYFLIE, CRAZYFLIE, rates, error, 0.0, 20_000
+    )
+    assert flights > 10_000
+    assert share == pytest.approx(reached, abs=0.02)
+
+
+PLANK = params_from({"inertia": [1e-5, 5e-5, 5.5e-5]})
+IOTA = 0.1
+
+
+def plank_flight(jerk, control):
+    """A flight with moments that differ much, what is kept of the yaw motion, and the bound."""
+    hold = yaw_hold(YawRange(10.0, np.inf), 0.002, 1.0 / control, 0.0, IOTA)
+    flight = Flight(10.0 * jerk, jerk, 3.924, hold.range)
+    return flight, snap_error(flight, PLANK, 0.002, 1.0 / control, IOTA)
+
+
+def plank_flown(jerk, control, count):
+    flight, error = plank_flight(jerk, control)
+    gain, found = IOTA / (1.0 - IOTA), []
+    for wrong in (-IOTA, IOTA):
+        vehicle = PLANK._replace(inertia=tuple((1.0 + wrong) * moment for moment in PLANK.inertia))
+        rng = np.random.default_rng(7)
+        found.append(finely(rng, flight, PLANK, vehicle, (500, control), error, gain, count))
+    return np.max(found, axis=0)
+
+
+def test_where_an_unknown_inertia_turns_the_body_out_of_its_yaw_range_there_is_no_bound():
+    """ω_x ω_y turns a body with J_x ≠ J_y, and a torque for another inertia does not hold that."""
+    assert plank_flight(50.0, 20)[1] == np.inf
+    assert plank_flown(50.0, 20, 4000)[1] > 1.01
+    assert plank_flight(15.0, 100)[1] < np.inf
+    share, spin, flights = plank_flown(15.0, 100, 2000)
+    assert flights > 200
+    assert share <= 1.0
+    assert spin <= 1.01
+
+
+def test_a_yaw_acceleration_that_does_not_hold_the_body_is_no_bound():
+    params = VEHICLES["unequal"]
+    strong = Flight(500.0, 40.0, 4.0, YawRange(10.0, 40.0))
+    assert snap_error(strong, params, 0.002, 0.02) < np.inf
+    assert snap_error(strong._replace(yaw=YawRange(10.0, 1e-4)), params, 0.002, 0.02) == np.inf
+    assert snap_error(strong._replace(yaw=YawRange(10.0, 1e-4)), CRAZYFLIE, 0.002, 0.02) < np.inf
+
+
+@pytest.mark.interpreted
+def test_the_coefficients_of_the_crackle_are_upper_bounds():
+    p = np.linspace(0.0, 1.0, 100_001)
+    cubic = p * (2.0 * p - 6.0 * (1.0 - p)) ** 2 + 9.0 * (1.0 - p) * p**2
+    assert 4.4 < cubic.max() <= 5.0
+    # What the zigzag of the jerk adds: at most its mean slope from the second integral on, not in the first.
+    t = np.linspace(0.0, 1.0, 10_001)
+    first = t * t * (1.0 / 4.0 - t / 6.0)
+    assert (first > t / 12.0).any() and first.max() <= 1.0 / 12.0 + 1e-12
+    assert (t**3 / 12.0 - t**4 / 24.0 <= t * t / 24.0 + 1e-12).all()
+
+
 @pytest.mark.parametrize("physics", [500, 25])
 def test_a_runge_kutta_step_is_the_body_s_own_motion(physics):
     """What the plant's step is off the motion of (29) is far below what the bound is about."""
@@ -241,6 +379,38 @@ def test_every_interface_keeps_the_yaw_rate(action, conditions, limits):
         info = env.step(np.tile(np.array([0.0, 0.0, 0.0, 1.0], np.float32), (8, 1)))[4]
         assert not info["spinning"].any()
         assert np.abs(env.unwrapped.state[:, 17]).max() <= 1.01 * kept
+
+
+MEETS_ALL = {"delay": 2, "loss": 0.3, "jitter": 0.3, "inertia_error": 0.2}
+
+
+@pytest.mark.parametrize("vehicle", ["crazyflie", "unequal"])
+@pytest.mark.parametrize("conditions", [None, MEETS_ALL], ids=["off", "all"])
+@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+def test_a_single_env_keeps_the_yaw_rate_for_twenty_seconds(action, conditions, vehicle):
+    env = gymnasium.make(
+        "QuadSafe/Avoid-v0", action=action, conditions=conditions, obstacles=[], params=VEHICLES[vehicle]
+    ).unwrapped
+    env.reset(seed=0)
+    kept, most = env._world.yaw_hold_at(0.002).range.rate, 0.0
+    for _ in range(20 * env._world.rates.policy):
+        _, _, is_over, _, info = env.step(np.array([0.0, 0.0, 0.0, 1.0]))
+        assert not info["spinning"] and not is_over
+        most = max(most, abs(env.state[17]))
+    # The wrench that a policy asks for is less than what the range allows.
+    assert 0.1 * kept < most <= 1.01 * kept
+
+
+def test_a_single_start_beyond_comes_back_and_says_so():
+    env = gymnasium.make("QuadSafe/Avoid-v0", obstacles=[]).unwrapped
+    env.reset(seed=0)
+    state = env.state.copy()
+    state[17] = -25.0
+    env.state = state
+    told = [env.step(np.zeros(4))[4]["spinning"] for _ in range(20)]
+    assert told[0] and not told[-1]
+    assert told == sorted(told, reverse=True)
+    assert abs(env.state[17]) <= 10.0
 
 
 @pytest.mark.parametrize("is_shielded", [False, True])
