@@ -137,8 +137,8 @@ def mutants_below(file: str, node: ast.AST, lines: range) -> Iterator[Mutant]:
 def shuffled_mutants(folder: Path, seed: int) -> list[Mutant]:
     """All mutants of the files of a folder in a random order."""
     found = []
-    for path in sorted(folder.glob("*.py")):
+    for path in sorted(folder.rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
-        found += mutants_below(f"{folder.name}/{path.name}", tree, range(0))
+        found += mutants_below(path.relative_to(folder.parent).as_posix(), tree, range(0))
     random.Random(seed).shuffle(found)
     return found

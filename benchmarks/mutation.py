@@ -63,9 +63,9 @@ def tests_of_lines(tree: Path) -> dict[tuple[str, int], set[str]]:
     measured = coverage.CoverageData(str(data))
     measured.read()
     found = {}
-    for path in (tree / "shields").glob("*.py"):
+    for path in (tree / "shields").rglob("*.py"):
         for line, contexts in measured.contexts_by_lineno(str(path)).items():
-            found[f"shields/{path.name}", line] = {context.partition("|")[0] for context in contexts}
+            found[path.relative_to(tree).as_posix(), line] = {context.partition("|")[0] for context in contexts}
     everything = set().union(*found.values()) - {""}
     return {place: everything if "" in tests else tests for place, tests in found.items()}
 

@@ -21,11 +21,15 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher
 
+import quadsafe_core
+
 F = TypeVar("F", bound=Callable)
 
 # Numba reads it when a function is decorated.
 CACHE_SETTING = "CACHE_DIR"
 
+# The folder of the packages.
+HOUSE = Path(quadsafe_core.__file__).resolve().parents[1]
 # The rooms whose kernels a room's own kernels may call (the import contracts of pyproject.toml).
 FLOOR = ("quadsafe_core",)
 REACH = {
@@ -40,8 +44,8 @@ def source_hash(root: Path, room: str) -> str:
     """Hash of every source file below ``root`` that a kernel of ``room`` can reach, names and contents."""
     digest = hashlib.sha256(numba.__version__.encode())
     for reached in REACH[room]:
-        for file in sorted((root / reached).glob("*.py")):
-            digest.update(file.name.encode())
+        for file in sorted((root / reached).rglob("*.py")):
+            digest.update(file.relative_to(root).as_posix().encode())
             digest.update(file.read_bytes())
     return f"{room}-{digest.hexdigest()[:16]}"
 
@@ -68,7 +72,7 @@ def cache_folder(root: Path, room: str) -> Path | None:
 
 @cache
 def _folder_of(room: str) -> Path | None:
-    return cache_folder(Path(__file__).resolve().parents[1], room)
+    return cache_folder(HOUSE, room)
 
 
 @contextmanager

@@ -10,10 +10,11 @@ from pathlib import Path
 import numba
 import pytest
 
+import quadsafe_core
 from quadsafe_core import jit
 from quadsafe_core.jit import inline_kernel
 
-ROOT = Path(jit.__file__).parents[1]
+ROOT = Path(quadsafe_core.__file__).parents[1]
 CALLEE = "from quadsafe_core.jit import kernel\n\n\n@kernel\ndef weight():\n    return {}\n"
 CALLER = """
 from quadsafe_core.jit import kernel
@@ -60,9 +61,13 @@ def run_caller(folder):
 
 
 @needs_compiler
-def test_editing_a_callee_in_another_file_changes_the_caller(tmp_path):
+@pytest.mark.parametrize("place", ["callee.py", "rooms/callee.py", "rooms/of/rooms/callee.py"])
+def test_editing_a_callee_in_another_file_changes_the_caller(tmp_path, place):
     mini_house(tmp_path)
-    callee = tmp_path / "shields/callee.py"
+    callee = tmp_path / "shields" / place
+    callee.parent.mkdir(parents=True, exist_ok=True)
+    module = "shields." + place.removesuffix(".py").replace("/", ".")
+    (tmp_path / "shields/caller.py").write_text(CALLER.replace("shields.callee", module))
     callee.write_text(CALLEE.format(1.0))
     assert run_caller(tmp_path) == (2.0, 0)
     assert run_caller(tmp_path) == (2.0, 1)
@@ -116,7 +121,10 @@ def test_hash_covers_the_room_and_the_floor_and_nothing_else(tmp_path):
     (tmp_path / "quadsafe_core/floor.py").write_text("x = 1\n")
     after_the_floor = jit.source_hash(tmp_path, "shields")
     (tmp_path / "shields/callee.py").write_text("x = 1\n")
-    assert len({before, after_the_floor, jit.source_hash(tmp_path, "shields")}) == 3
+    after_the_callee = jit.source_hash(tmp_path, "shields")
+    (tmp_path / "shields/room").mkdir()
+    (tmp_path / "shields/callee.py").rename(tmp_path / "shields/room/callee.py")
+    assert len({before, after_the_floor, after_the_callee, jit.source_hash(tmp_path, "shields")}) == 4
 
 
 def test_the_bridge_reaches_every_room():
