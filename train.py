@@ -10,7 +10,7 @@ python train.py watch RUN        a flight of one of its agents, in a window or a
 import sys
 from collections.abc import Sequence
 
-from agents.command_line import (
+from agents.experiment.command_line import (
     Evaluate,
     Report,
     Train,
@@ -24,7 +24,11 @@ from agents.command_line import (
 def train(command: Train) -> int:
     """Train and fly every arm with every seed, report; 130 if Ctrl-C ended it early, 1 if a job failed."""
     print("Preparing; the first time, this compiles for about a minute.", flush=True)
-    from agents import algorithms, build, display, engines, provenance, reporting, runs, trace
+    from agents.experiment import build, runs
+    from agents.learn import algorithms
+    from agents.measure import provenance
+    from agents.report import reporting, trace
+    from agents.train import display, engines
 
     with errors_as_sentences():
         engine = engines.engine_of(command.options)
@@ -46,7 +50,9 @@ def train(command: Train) -> int:
 
 def evaluate(command: Evaluate) -> int:
     """Fly the agents of a run again, and report."""
-    from agents import evaluate, reporting, runs, trace
+    from agents.experiment import runs
+    from agents.measure import evaluate
+    from agents.report import reporting, trace
 
     with errors_as_sentences():
         run = runs.open_run(command.run)
@@ -58,7 +64,8 @@ def evaluate(command: Evaluate) -> int:
 
 def report(command: Report) -> int:
     """Make the tables and figures of a run again."""
-    from agents import reporting, runs
+    from agents.experiment import runs
+    from agents.report import reporting
 
     with errors_as_sentences():
         print(reporting.write_report(runs.open_run(command.run)))
@@ -67,7 +74,8 @@ def report(command: Report) -> int:
 
 def watch(command: Watch) -> int:
     """Show a flight of an agent of a run."""
-    from agents import runs, watch
+    from agents.experiment import runs
+    from agents.report import watch
 
     with errors_as_sentences():
         run, is_shielded = runs.open_run(command.run), not command.no_shield

@@ -14,7 +14,7 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "B
 
     Args:
         run: run folder, as "logs/QuadSafe-Avoid-v0_1".
-        arm: as "none" or "shield", see ``agents.arms``; default: the last that was trained.
+        arm: as "none" or "shield", see ``agents.experiment.arms``; default: the last that was trained.
         seed: which training of the arm; default: its first.
 
     Returns:
@@ -25,8 +25,8 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "B
         FileNotFoundError: if the folder is no run, or has no such training.
         ValueError: for files that do not hold a config or weights.
     """
-    from agents.algorithms import load_policy
-    from agents.runs import open_run, spelled
+    from agents.experiment.runs import open_run, spelled
+    from agents.learn.algorithms import load_policy
 
     opened = open_run(run)
     trained = opened.trained()

@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import make_interp_spline
 
 from quadsafe_core.checks import finite_array, positive_number
-from quadsafe_core.feedback import held_gains
-from quadsafe_env.actions import SNAP, YAW_ACCELERATION
-from quadsafe_env.state import OMEGA
+from quadsafe_core.maths.feedback import held_gains
+from quadsafe_env.vehicle.actions import SNAP, YAW_ACCELERATION
+from quadsafe_env.vehicle.state import OMEGA
 
 DEGREE = 7
 ORDERS = 5  # position to snap

@@ -15,10 +15,10 @@ import gymnasium
 import numpy as np
 
 import quadsafe_env  # noqa: F401
-from quadsafe_core.jit import kernel
-from quadsafe_core.lanes import U, aligned_rows, fma, wide_vectors
-from quadsafe_env.dynamics import step
-from quadsafe_env.state import hover_state
+from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.kernels.lanes import U, aligned_rows, fma, wide_vectors
+from quadsafe_env.vehicle.dynamics import step
+from quadsafe_env.vehicle.state import hover_state
 
 NAME = "QuadSafe/Avoid-v0"
 RATES: dict[str, Any] = {"policy_hz": 50, "control_hz": 50, "physics_hz": 500}

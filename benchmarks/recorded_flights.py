@@ -3,9 +3,10 @@
     python benchmarks/recorded_flights.py > before.txt      at one revision
     python benchmarks/recorded_flights.py | diff before.txt -    at another one, on the same machine
 
-Every id, every action interface, N = 1 and 64, without and with the shield, with and without conditions; then the
-shields that a plant does not pick by itself, on one batch. A digest covers observations, rewards, ends and every number of
-``info`` in all steps. It depends on the machine's vector units and mathematical library: compare on one machine.
+Every id, every action interface, N = 1 and 64, without and with the shield, with and without conditions; then
+the shields that a plant does not pick by itself, on one batch. A digest covers observations, rewards, ends and
+every number of ``info`` in all steps. It depends on the machine's vector units and mathematical library:
+compare on one machine.
 """
 
 import hashlib
@@ -31,8 +32,19 @@ SHIELDS: dict[str, dict[str, Any]] = {
     "cbf": {"method": "cbf"},
     "free numbers": {},
     "closing": {"max_closing_speed": 2.0, "max_closing_acceleration": 8.0, "max_closing_jerk": 60.0},
-    "authority": {"authority": {"snap_max": 300, "jerk_max": 60, "thrust_min": 3, "thrust_max": 18, "gravity": 9.81}},
-    "tube": {"uncertainty": {"position": 0.01, "velocity": 0.03, "gain": 0.05, "wind": 0.3, "delay": 2, "losses": True}},
+    "authority": {
+        "authority": {"snap_max": 300, "jerk_max": 60, "thrust_min": 3, "thrust_max": 18, "gravity": 9.81}
+    },
+    "tube": {
+        "uncertainty": {
+            "position": 0.01,
+            "velocity": 0.03,
+            "gain": 0.05,
+            "wind": 0.3,
+            "delay": 2,
+            "losses": True,
+        }
+    },
 }
 STEPS, LONG, ROWS = 60, 150, 64
 
@@ -69,7 +81,7 @@ def flown(env: Any, rows: int, steps: int) -> str:
 
 
 def world(name: str, rows: int, is_shielded: bool, settings: Mapping[str, Any]) -> Any:
-    """An environment of these settings, shielded as it is by default where it can be, and told of its weather."""
+    """An environment of these settings, if shielded told of its weather."""
     env = gymnasium.make(name, **settings) if rows == 1 else gymnasium.make_vec(name, rows, **settings)
     if not is_shielded:
         return env

@@ -20,7 +20,7 @@ import numpy as np
 from safety_campaign.results import ROOT, revision
 from uncertain import body_flights, chain_flights, report
 
-from quadsafe_env.conditions import conditions_from, uncertainty_under
+from quadsafe_env.tasks.conditions import conditions_from, uncertainty_under
 from shields import Uncertainty
 
 CSV, PAGE, FIGURES = ROOT / "docs/data/robustness.csv", ROOT / "docs/robustness.md", ROOT / "docs/figures"

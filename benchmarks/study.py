@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from agents.arms import ARMS
-from agents.looks import COLORS, INK
-from agents.plates import training_curves
-from agents.results import result_rows, seed_rows
-from agents.runs import Run, open_run, write_csv
-from agents.tables import percentage
+from agents.experiment.arms import ARMS
+from agents.experiment.runs import Run, open_run, write_csv
+from agents.measure.results import result_rows, seed_rows
+from agents.report.looks import COLORS, INK
+from agents.report.plates import training_curves
+from agents.report.tables import percentage
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA, FIGURE = ROOT / "docs/data", ROOT / "docs/figures/study.png"

@@ -13,10 +13,10 @@ from importlib.util import find_spec
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.jit import kernel
-from shields.integrator import lower4, lower_value
-from shields.projection import project
-from shields.sampled import required
+from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.maths.projection import project
+from shields.chains.integrator import lower4, lower_value
+from shields.filters.sampled import required
 
 U_MAX, BOUND, PERIOD, ALPHA = 200.0, 1.0, 0.01, 2.0
 GAMMA = -math.expm1(-ALPHA * PERIOD)

@@ -19,13 +19,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.algorithms import make_model
-from agents.build import checked, make_training_env, make_vector_env
-from agents.config import Experiment
-from agents.episodes import EPISODE
-from agents.evaluate import fly, held_out_scenes
-from agents.sb3_vec import Sb3VectorEnv
-from agents.training import RECENT, Tally
+from agents.experiment.build import checked, make_training_env, make_vector_env
+from agents.experiment.config import Experiment
+from agents.learn.algorithms import make_model
+from agents.learn.episodes import EPISODE
+from agents.learn.sb3_vec import Sb3VectorEnv
+from agents.measure.evaluate import fly, held_out_scenes
+from agents.train.training import RECENT, Tally
 
 GOOD = 0.95
 SHIELDED = "shield"

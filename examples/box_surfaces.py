@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shields.capped import capped3, least_corner_x2
-from shields.composite import BoxSet
-from shields.corners import Bounds
-from shields.integrator import lower3
+from shields.chains.capped_third_order import capped3, least_corner_x2
+from shields.chains.composite import BoxSet
+from shields.chains.integrator import lower3
+from shields.chains.maximality import Bounds
 
 Array = NDArray[np.float64]
 

@@ -33,8 +33,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Patch
 from numpy.typing import NDArray
 
-from shields.composite import BoxSet
-from shields.corners import Bounds
+from shields.chains.composite import BoxSet
+from shields.chains.maximality import Bounds
 
 matplotlib.use("Agg")
 

@@ -12,7 +12,7 @@ from matplotlib.patches import Circle
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
-from quadsafe_env.state import ATTITUDE, OMEGA, THRUST
+from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST
 
 if TYPE_CHECKING:
     from section_vi_flight import Flight

@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from agents.tracking import Tracker
-from quadsafe_env.flatness import wrench_from_snap
+from quadsafe_env.vehicle.flatness import wrench_from_snap
 from shields import ShieldWrapper
 
 SCENE = {
@@ -58,7 +58,7 @@ class Flight(NamedTuple):
 
     Attributes:
         time: (T,) s.
-        state: (T, 20), see ``quadsafe_env.state``.
+        state: (T, 20), see ``quadsafe_env.vehicle.state``.
         desired: (T, 4) wrench that the tracker asks for.
         applied: (T, 4) wrench that is flown.
         correction: (T,) change of the snap by the shield, m/s⁴.

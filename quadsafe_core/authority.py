@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import checked_when_made, finite_array, non_negative_number, positive_number
-from quadsafe_core.jit import kernel
+from quadsafe_core.kernels.jit import kernel
 
 
 def _checked(found: "Authority") -> "Authority":

@@ -162,3 +162,21 @@ def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], ty
         return kind
 
     return decorated
+
+
+def broadcast_rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
+    """Checked arguments (value, own trailing shape) as contiguous rows, and the broadcast leading shape."""
+    arrays = {name: finite_array(name, value, own) for name, (value, own) in arguments.items()}
+    owns = [own for _, own in arguments.values()]
+    try:
+        leading = np.broadcast_shapes(
+            *(x.shape[: x.ndim - len(own)] for x, own in zip(arrays.values(), owns, strict=True))
+        )
+    except ValueError as error:
+        found = ", ".join(f"{name} {x.shape}" for name, x in arrays.items())
+        raise ValueError(f"leading dimensions must broadcast, got {found}") from error
+    rows = (
+        np.ascontiguousarray(np.broadcast_to(x, leading + own)).reshape(math.prod(leading), *own)
+        for x, own in zip(arrays.values(), owns, strict=True)
+    )
+    return rows, leading

@@ -1,8 +1,17 @@
 """A quadrotor that collides for real: (29) of the paper as a Gymnasium environment and a vector environment."""
 
+from quadsafe_core.old_paths import keep_old_paths
 from quadsafe_core.registration import register_environments
-from quadsafe_env.conditions import CONDITIONS, Conditions
+from quadsafe_env.tasks.conditions import CONDITIONS, Conditions
 
 register_environments()
+keep_old_paths(
+    __name__,
+    {
+        "quadsafe_env.vehicle": "params state dynamics rotors flatness actions yaw",
+        "quadsafe_env.tasks": "scenes obstacles conditions",
+        "quadsafe_env.simulation": "slot",
+    },
+)
 
 __all__ = ["CONDITIONS", "Conditions"]

@@ -15,8 +15,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from quadsafe_env.episode import TERMINATED
-from quadsafe_env.world import INFO_KEYS, World
+from quadsafe_env.simulation.episode import TERMINATED
+from quadsafe_env.simulation.world import INFO_KEYS, World
 
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 

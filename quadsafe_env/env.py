@@ -8,9 +8,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_env.counter_rng import key_words
+from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_env.given_state import given_states
-from quadsafe_env.obstacles import Spheres
 from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
@@ -22,6 +21,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
+from quadsafe_env.tasks.obstacles import Spheres
 
 ROW = np.zeros(1, dtype=np.intp)
 
@@ -79,19 +79,21 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     | `spinning`                           | ω_z was beyond its range at a control instant of this step       |
 
     ### Yaw
-    In every interface |ω_z| is kept to the vehicle's `yaw_rate_max` (10 rad/s by default) and to 0.02 rad in a
-    physics step, and ω̇_z to 40 rad/s² at 500 Hz (``quadsafe_env.yaw``). A state set beyond that comes back.
+    In every interface |ω_z| is kept to the vehicle's `yaw_rate_max` (10 rad/s by default) and to 0.02
+    rad in a physics step, and ω̇_z to 40 rad/s² at 500 Hz (``quadsafe_env.vehicle.yaw``). A state set beyond
+    that comes back.
 
     ### Rotor limits
-    By default the rotors give whatever thrust and torque the snap asks for. With `rotor_limits=True` each keeps
-    to [0, thrust_max/4], as told in ``quadsafe_env.rotors``, and the yaw motion to |ω_z| <= 2 rad/s and a yaw
-    acceleration that the rotors can give. Within `authority()` no rotor is clipped.
+    By default the rotors give whatever thrust and torque the snap asks for. With
+    `rotor_limits=True` each keeps to [0, thrust_max/4], as told in ``quadsafe_env.vehicle.rotors``, and the yaw
+    motion to |ω_z| <= 2 rad/s and a yaw acceleration that the rotors can give. Within `authority()` no rotor is
+    clipped.
 
     ### Real conditions
-    By default the estimate is exact and every answer of the filter is flown at once, in still air, by the
-    modelled vehicle. `conditions=` switches on noise, bias, delay, loss, wind, drag, wrong models, lag, jitter
-    and impulses; ``quadsafe_env.conditions`` has the fields. Policy and filter then see an estimate, while
-    reward, cost and info stay true. ``conditions`` says what is on.
+    By default the estimate is exact and every answer of the filter is flown at once, in
+    still air, by the modelled vehicle. `conditions=` switches on noise, bias, delay, loss, wind, drag, wrong
+    models, lag, jitter and impulses; ``quadsafe_env.tasks.conditions`` has the fields. Policy and filter then
+    see an estimate, while reward, cost and info stay true. ``conditions`` says what is on.
 
     ### Keywords
     See ``quadsafe_env.settings.build_world``.
@@ -162,7 +164,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The plant's state (20,), a copy; see ``quadsafe_env.state``.
+        """The plant's state (20,), a copy; see ``quadsafe_env.vehicle.state``.
 
         Setting it starts the episode over from there, in the present scene; the time limit runs on. What the
         model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.settings import exact_array
-from quadsafe_env.state import ATTITUDE, OMEGA, STATE_SIZE, THRUST
-from quadsafe_env.world import World
+from quadsafe_env.simulation.world import World
+from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, STATE_SIZE, THRUST
 
 # An attitude that far from a rotation, in its worst entry, is a rotation with rounding errors of someone
 # else's, and is put right; below ``ROUNDING`` it is one of ours, and stays as it came, bit for bit.
@@ -21,7 +21,7 @@ def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> ND
     U diag(1, 1, ±1) Vᵀ, and is then replaced by that; a rotation to 1e-12 stays bit for bit.
 
     Args:
-        value: the states, laid out as in ``quadsafe_env.state``.
+        value: the states, laid out as in ``quadsafe_env.vehicle.state``.
         leading: their leading shape, () or (N,).
         world: that shall fly on from them.
 

@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
-from quadsafe_env.authority import authority, yaw_range
-from quadsafe_env.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
-from quadsafe_env.inner_loop_error import Flight, lead, snap_error
-from quadsafe_env.params import QuadrotorParams
-from quadsafe_env.slot import SnapFilter
-from quadsafe_env.world import World
+from quadsafe_env.simulation.slot import SnapFilter
+from quadsafe_env.simulation.world import World
+from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.vehicle.authority import authority, yaw_range
+from quadsafe_env.vehicle.inner_loop_error import Flight, lead, snap_error
+from quadsafe_env.vehicle.params import QuadrotorParams
 
 
 class PlantAccess:
@@ -33,7 +33,7 @@ class PlantAccess:
     def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``.
 
-        Those of ``quadsafe_env.authority``, less what the inner loop asks for on top of a held snap.
+        Those of ``quadsafe_env.vehicle.authority``, less what the inner loop asks for on top of a held snap.
 
         Raises:
             ValueError: for a physics rate at which that is all.
@@ -94,7 +94,7 @@ class PlantAccess:
 
     @property
     def snap_filter(self) -> SnapFilter:
-        """The filter slot; see ``quadsafe_env.slot.SnapFilter``."""
+        """The filter slot; see ``quadsafe_env.simulation.slot.SnapFilter``."""
         return self._world.snap_filter
 
     @snap_filter.setter

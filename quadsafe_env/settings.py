@@ -9,14 +9,14 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, one_of, positive_integer, real_array
-from quadsafe_env.conditions import OFF, conditions_from
-from quadsafe_env.counter_rng import KEY_LIMIT
-from quadsafe_env.disturbed import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
-from quadsafe_env.film import FilmedWorld, ShownWorld
-from quadsafe_env.obstacles import spheres_from_rows
-from quadsafe_env.params import QuadrotorParams, params_from
-from quadsafe_env.scenes import AvoidTask, FlightTask, ForestTask, Task
-from quadsafe_env.world import Rates, World
+from quadsafe_core.maths.counter_rng import KEY_LIMIT
+from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
+from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
+from quadsafe_env.simulation.world import Rates, World
+from quadsafe_env.tasks.conditions import OFF, conditions_from
+from quadsafe_env.tasks.obstacles import spheres_from_rows
+from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
+from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 
 TASKS = {
     "flight": FlightTask(
@@ -71,9 +71,10 @@ def build_world(
         terminate_on_violation: whether a violation ends the episode.
         sphere_count: number of spheres of a forest.
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
-        rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.rotors``), and the desired
-            yaw motion to ``quadsafe_env.authority.yaw_range``.
-        conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.conditions``.
+        rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
+        desired
+            yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
+        conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.

@@ -10,10 +10,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
+from quadsafe_core.maths.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.autoreset import MODES, mode_from, told
-from quadsafe_env.counter_rng import KEY_LIMIT, key_words
 from quadsafe_env.given_state import given_states
-from quadsafe_env.obstacles import Spheres
 from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
@@ -24,6 +23,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
+from quadsafe_env.tasks.obstacles import Spheres
 
 RENDER_MODES = ("rgb_array",)
 
@@ -185,7 +185,7 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """The plant's states (N, 20), a copy; see ``quadsafe_env.state``.
+        """The plant's states (N, 20), a copy; see ``quadsafe_env.vehicle.state``.
 
         Setting them starts every episode over from there, in its present scene; time limits run on. What the
         model cannot fly from is refused: ``quadsafe_env.given_state.given_states``.

@@ -4,38 +4,52 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from quadsafe_core.authority import Authority
+from quadsafe_core.old_paths import keep_old_paths
 from quadsafe_core.registration import register_environments
-from shields.filtered import Filtered
+from shields.interface.filtered import Filtered
+from shields.settings.uncertainty import Uncertainty
 from shields.shield import Shield
-from shields.uncertainty import Uncertainty
 from shields.wrapper import ShieldWrapper, VectorShieldWrapper
 
 register_environments()
+keep_old_paths(
+    __name__,
+    {
+        "shields.chains": "integrator tangency composite braking radial capped:capped_third_order"
+        " corners:maximality",
+        "shields.filters": "sampled box_filter box_held braking_held",
+        "shields.interface": "filtered",
+        "shields.backup": "arcs stored_stop certificate",
+        "shields.settings": "uncertainty",
+        "shields.methods": "halfspace cbf:cbf_shield",
+        "quadsafe_core.maths": "polynomials projection",
+    },
+)
 
 if TYPE_CHECKING:
-    from shields.box_filter import box_input
-    from shields.box_held import sampled_box_input, sampled_box_value
-    from shields.braking import BrakingSet
-    from shields.braking_held import sampled_braking_input, sampled_braking_value
-    from shields.composite import BoxSet, LowerSet
-    from shields.integrator import flow, lower_value, upper_value
-    from shields.sampled import sampled_input, sampled_value
+    from shields.chains.braking import BrakingSet
+    from shields.chains.composite import BoxSet, LowerSet
+    from shields.chains.integrator import flow, lower_value, upper_value
+    from shields.filters.box_filter import box_input
+    from shields.filters.box_held import sampled_box_input, sampled_box_value
+    from shields.filters.braking_held import sampled_braking_input, sampled_braking_value
+    from shields.filters.sampled import sampled_input, sampled_value
 
 # The theory alone: imported when it is asked for, so that flying does not pay for it.
 _THEORY = {
-    "BoxSet": "composite",
-    "BrakingSet": "braking",
-    "LowerSet": "composite",
-    "box_input": "box_filter",
-    "flow": "integrator",
-    "lower_value": "integrator",
-    "sampled_box_input": "box_held",
-    "sampled_box_value": "box_held",
-    "sampled_braking_input": "braking_held",
-    "sampled_braking_value": "braking_held",
-    "sampled_input": "sampled",
-    "sampled_value": "sampled",
-    "upper_value": "integrator",
+    "BoxSet": "chains.composite",
+    "BrakingSet": "chains.braking",
+    "LowerSet": "chains.composite",
+    "box_input": "filters.box_filter",
+    "flow": "chains.integrator",
+    "lower_value": "chains.integrator",
+    "sampled_box_input": "filters.box_held",
+    "sampled_box_value": "filters.box_held",
+    "sampled_braking_input": "filters.braking_held",
+    "sampled_braking_value": "filters.braking_held",
+    "sampled_input": "filters.sampled",
+    "sampled_value": "filters.sampled",
+    "upper_value": "chains.integrator",
 }
 
 __all__ = [

@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.checks import one_of
-from quadsafe_core.jit import compiling
-from shields.arguments import (
+from quadsafe_core.kernels.jit import compiling
+from shields.interface.arguments import (
     as_array,
     check_no_acceleration,
     control_period,
@@ -19,20 +19,20 @@ from shields.arguments import (
     size_of,
     velocity_rows,
 )
-from shields.bounds import bounds_of
-from shields.cbf import CbfMethod
-from shields.filtered import (
+from shields.interface.filtered import (
     BAD_SHAPES,
     DONE,
     FACTS,
     Filtered,
     Kernels,
 )
-from shields.joint import SampledMethod
-from shields.settings import checked_settings
-from shields.tubed import TubedMethod
-from shields.uncertainty import Uncertainty, checked_uncertainty
-from shields.watch import expectation
+from shields.methods.cbf_shield import CbfMethod
+from shields.methods.flight_bounds import bounds_of
+from shields.methods.sampled_shield import SampledMethod
+from shields.methods.tube_shield import TubedMethod
+from shields.settings.shield_settings import checked_settings
+from shields.settings.uncertainty import Uncertainty, checked_uncertainty
+from shields.slot.surprise import expectation
 
 
 class Method(Protocol):
@@ -91,7 +91,7 @@ class Shield:
 
     With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
     is within its bound: a tube around each stored stop holds them all, and is kept out of the spheres and
-    within the limits (``shields.uncertainty``). Then ``value`` is that of the radius with the tube.
+    within the limits (``shields.settings.uncertainty``). Then ``value`` is that of the radius with the tube.
 
     Every departure is reported in ``Filtered``.
 
@@ -119,8 +119,8 @@ class Shield:
     Raises:
         ValueError: for a setting out of its range.
 
-    Reference: Section V, equation (33); for "sampled" see ``shields.sampled``, ``shields.halfspace`` and
-    ``shields.certificate``.
+    Reference: Section V, equation (33); for "sampled" see ``shields.filters.sampled``,
+    ``shields.methods.halfspace`` and ``shields.backup.certificate``.
     """
 
     def __init__(

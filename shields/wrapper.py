@@ -16,10 +16,10 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import non_negative_number, one_of
-from shields.info import INFO_FORMATS
-from shields.plant_settings import plain_settings, settings_for
-from shields.recorder import Recorder
+from shields.settings.plant_settings import plain_settings, settings_for
 from shields.shield import Shield
+from shields.slot.info import INFO_FORMATS
+from shields.slot.recorder import Recorder
 
 
 class Installation:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.feedback import held_gains
+from quadsafe_core.maths.feedback import held_gains
 from safety_campaign.stage import Setting, Stage
 
 OVERHEAD = (2.0, 0.0, 7.0)

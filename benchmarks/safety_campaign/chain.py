@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.feedback import held_gains
-from shields.integrator import flow, lower_value
-from shields.sampled import sampled_input, sampled_value
+from quadsafe_core.maths.feedback import held_gains
+from shields.chains.integrator import flow, lower_value
+from shields.filters.sampled import sampled_input, sampled_value
 
 PERIODS, CHAINS = 500, 1000  # of a batch: episodes are that long, and as many are flown at once
 # Set values within rounding of 0 count as 0, m.

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_env.actions import SPEED
+from quadsafe_env.vehicle.actions import SPEED
 from safety_campaign.flights import Tally
 from safety_campaign.stage import NO_LIMIT, VEHICLE_RADIUS, rates, shielded
 

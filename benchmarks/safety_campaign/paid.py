@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from gymnasium.vector import VectorWrapper
 
-from agents.algorithms import make_model, read_policy, save_policy
-from agents.build import make_vector_env
-from agents.config import HYPERPARAMS, Experiment
-from agents.sb3_vec import Sb3VectorEnv
+from agents.experiment.build import make_vector_env
+from agents.experiment.config import HYPERPARAMS, Experiment
+from agents.learn.algorithms import make_model, read_policy, save_policy
+from agents.learn.sb3_vec import Sb3VectorEnv
 from safety_campaign.attacks import SnapAttack
 from safety_campaign.stage import VEHICLE_RADIUS, Stage, rates
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_env.params import params_from
+from quadsafe_env.vehicle.params import params_from
 from safety_campaign.attacks import SnapAttack, directions, gains_of, to_center, towards
 from safety_campaign.flights import Tally, fly_episode
 from safety_campaign.stage import Stage

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import quadsafe_env  # noqa: F401 - registers the ids
-from quadsafe_env.actions import velocity_gains
-from quadsafe_env.flatness import wrench_from_snap
-from quadsafe_env.params import params_from
-from quadsafe_env.state import hover_state
+from quadsafe_env.vehicle.actions import velocity_gains
+from quadsafe_env.vehicle.flatness import wrench_from_snap
+from quadsafe_env.vehicle.params import params_from
+from quadsafe_env.vehicle.state import hover_state
 from shields import VectorShieldWrapper
 
 # Settings of every arm; "sampled" is the default shield as it comes.

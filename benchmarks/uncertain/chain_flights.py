@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.feedback import held_gains
+from quadsafe_core.maths.feedback import held_gains
 from shields import Shield, Uncertainty
 
 Array = NDArray[np.float64]

@@ -10,9 +10,9 @@ from safety_campaign.tables import Row, filled, markdown, rate
 from scipy.stats import binomtest
 
 from shields import Uncertainty
-from shields.arcs import ThrustBand
-from shields.certificate import FlightLimits
-from shields.uncertainty import tube_of
+from shields.backup.arcs import ThrustBand
+from shields.backup.certificate import FlightLimits
+from shields.settings.uncertainty import tube_of
 
 # A shield with free numbers as it comes: ū = 200 m/s⁴, reserve 3.
 LIMITS = FlightLimits(600.0, 600.0, math.inf, ThrustBand(1.0, math.inf, 9.81))

@@ -1,0 +1,192 @@
+"""The experiment as data: what is trained, on what, for how long; and the command line that spells it."""
+
+import ast
+import dataclasses
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from agents.experiment.arms import ARMS
+
+SEED_LIMIT = 2**32
+# By the names of Stable-Baselines3, and what is not the constructor's: n_envs, the rows flown at once, and
+# net_arch and log_std_init of the policy. What is not here has the default of Stable-Baselines3.
+HYPERPARAMS: dict[str, dict[str, Any]] = {
+    "ppo": {
+        "n_envs": 128,
+        "n_steps": 64,
+        "batch_size": 2048,
+        "n_epochs": 10,
+        "learning_rate": 3e-3,
+        "gamma": 0.99,
+        "gae_lambda": 0.95,
+        "clip_range": 0.2,
+        "ent_coef": 0.0,
+        "log_std_init": 0.0,
+        "net_arch": [64, 64],
+    },
+    "sac": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
+    "td3": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
+}
+
+
+def _pairs(words: list[str]) -> dict[str, Any]:
+    """{"alpha": 4.0} from ["alpha:4.0"]; a value that is no Python literal is a string."""
+    table = {}
+    for word in words:
+        key, colon, value = word.partition(":")
+        if not (key and colon):
+            raise ValueError(f"{word!r} must be KEY:VALUE")
+        if key in table:
+            raise ValueError(f"{key} must be given once, got {word!r} after {table[key]!r}")
+        try:
+            table[key] = ast.literal_eval(value)
+        except (ValueError, SyntaxError):
+            table[key] = value
+    return table
+
+
+def _words(table: dict[str, Any]) -> list[str]:
+    return [f"{key}:{value}" for key, value in table.items()]
+
+
+Pairs = Annotated[
+    dict[str, Any],
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs="*",
+        metavar="[KEY:VALUE ...]",
+        instance_from_str=_pairs,
+        is_instance=lambda instance: isinstance(instance, dict),
+        str_from_instance=_words,
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that decides what is learned."""
+
+    env: str = "QuadSafe/Avoid-v0"
+    """Id of the environment."""
+    action: str = "velocity"
+    """What the policy commands: velocity, snap or wrench."""
+    env_kwargs: Pairs = field(default_factory=dict)
+    """Further keywords of the environment, as params:racer policy_hz:50."""
+    shield: Pairs = field(default_factory=dict)
+    """Settings of the shield, as alpha:4.0 snap_max:80.0."""
+    arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(ARMS)}}} ...")] = ("none", "shield")
+    """What to compare, see agents/experiment/arms.py."""
+    algo: str = "ppo"
+    """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …"""
+    hyperparams: Annotated[Pairs, tyro.conf.arg(aliases=["-params"])] = field(default_factory=dict)
+    """Hyper-parameters by the names of Stable-Baselines3, and n_envs, net_arch, log_std_init, as n_envs:64
+    learning_rate:1e-3; over the defaults in agents/experiment/config.py."""
+    n_timesteps: Annotated[int, tyro.conf.arg(aliases=["-n"])] = 1_000_000
+    """Policy steps of each training, over all rows."""
+    seed: int = 0
+    """First seed; of the weights, the exploration and the training scenes."""
+    n_seeds: int = 1
+    """Number of seeds: seed, seed + 1, …"""
+    eval_episodes: int = 200
+    """Held-out scenes of the evaluation."""
+
+    def __post_init__(self):
+        check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
+        if not _is_integer(self.seed) or not 0 <= self.seed < SEED_LIMIT:
+            raise ValueError(f"seed must be an integer in [0, 2^32), got {self.seed!r}")
+        if not self.arms or len(set(self.arms)) < len(self.arms) or set(self.arms) - set(ARMS):
+            raise ValueError(f"arms must be one or several of {', '.join(ARMS)}, got {list(self.arms)}")
+
+    @property
+    def seeds(self) -> range:
+        """The seeds of every arm."""
+        return range(self.seed, self.seed + self.n_seeds)
+
+    def jobs(self) -> list[tuple[str, int]]:
+        """Every (arm, seed), in the order of work; an arm without seeds has the first."""
+        return [(a, s) for s in self.seeds for a in self.arms if s == self.seed or ARMS[a].has_seeds]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a command runs; nothing here decides what is learned."""
+
+    log_folder: Annotated[Path, tyro.conf.arg(aliases=["-f"])] = Path("logs")
+    """Folder for the run folders."""
+    trained_agent: Annotated[Path | None, tyro.conf.arg(aliases=["-i"], metavar="RUN")] = None
+    """Run folder to go on with, from its checkpoints; it keeps its settings, arms and seeds may be added."""
+    n_jobs: int = 0
+    """Trainings at a time, each in a process of its own; 0 for one a core."""
+    save_freq: int = 100_000
+    """Policy steps between two checkpoints of a training."""
+    engine: Literal["local", "ray"] = "local"
+    """Where trainings run: processes of this machine, or tasks of Ray."""
+    address: str | None = None
+    """Ray cluster to run on, as HOST:6379; without one, Ray starts on this machine."""
+    tensorboard_log: Annotated[Path | None, tyro.conf.arg(aliases=["-tb"])] = None
+    """Folder for TensorBoard."""
+    progress: Annotated[bool, tyro.conf.arg(aliases=["-P"])] = False
+    """Show progress bars also where the output is no terminal."""
+    device: str = "cpu"
+    """Device of torch; for networks this small the CPU is the fastest."""
+    num_threads: int = 1
+    """Threads of torch for each training; more make networks this small slower."""
+
+    def __post_init__(self):
+        check_positive(self, "num_threads", "save_freq")
+        if not _is_integer(self.n_jobs) or self.n_jobs < 0:
+            raise ValueError(f"n_jobs must be an integer >= 0, got {self.n_jobs!r}")
+        if self.engine not in ("local", "ray"):
+            raise ValueError(f"engine must be 'local' or 'ray', got {self.engine!r}")
+        if self.address is not None and self.engine != "ray":
+            raise ValueError(f"address must come with --engine ray, got {self.address!r}")
+
+
+def to_dict(settings: Experiment | Options) -> dict[str, Any]:
+    """The settings as lists, dicts, strings and numbers, as YAML and JSON have them."""
+    return _plain(dataclasses.asdict(settings))
+
+
+def experiment_from_dict(table: dict[str, Any]) -> Experiment:
+    """The experiment of which ``to_dict`` made the table.
+
+    Raises:
+        ValueError: for names that an experiment does not have, or a setting out of its range.
+    """
+    fields = {name: _entry(table, name, dict) for name in ("env_kwargs", "shield", "hyperparams")}
+    if "arms" in table:
+        fields["arms"] = tuple(_entry(table, "arms", list))
+    unknown = set(table) - {field.name for field in dataclasses.fields(Experiment)}
+    if unknown:
+        raise ValueError(f"config.yml must hold fields of Experiment only, got {sorted(map(str, unknown))}")
+    return Experiment(**{**table, **fields})
+
+
+def _entry(table: dict[str, Any], name: str, kind: type) -> Any:
+    value = table.get(name, kind())
+    if not isinstance(value, kind):
+        raise ValueError(f"config.yml must have a {kind.__name__} as {name}, got {value!r}")
+    return value
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(entry) for entry in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def check_positive(settings: Any, *names: str) -> None:
+    """Raise a ValueError unless these fields are integers of at least 1."""
+    # Not quadsafe_core.checks, which needs numpy: too slow for --help.
+    for name in names:
+        value = getattr(settings, name)
+        if not _is_integer(value) or value < 1:
+            raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
+
+
+def _is_integer(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)

@@ -1,0 +1,1 @@
+"""Stable-Baselines3 on the vector env: models, episodes, checkpoints."""

@@ -1,0 +1,1 @@
+"""Held-out flights and their numbers: evaluation, results, statistics, provenance."""

@@ -1,0 +1,87 @@
+"""Videos: `.mp4` through the system's ffmpeg, `.webp` and `.gif` with Pillow."""
+
+import shutil
+import subprocess
+from collections.abc import Iterable
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.experiment.runs import write_safely
+from quadsafe_core.checks import one_of
+
+KINDS = (".webp", ".gif", ".mp4")
+
+
+def check_video(path: Path) -> None:
+    """Whether a video can be written there.
+
+    Raises:
+        ValueError: for another ending than those of ``KINDS``.
+        FileNotFoundError: for ``.mp4`` without ffmpeg.
+    """
+    one_of("the ending of video", path.suffix.lower(), KINDS)
+    if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+        raise FileNotFoundError(
+            f"video must end in .webp or .gif where ffmpeg is not installed, got {str(path)!r}"
+        )
+
+
+def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
+    """Write frames (H, W, 3) at a rate in 1/s; returns how many there were.
+
+    Raises:
+        ValueError, OSError: as ``check_video``, and if the file could not be written.
+    """
+    check_video(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return (_write_mp4 if path.suffix.lower() == ".mp4" else _write_images)(path, frames, fps)
+
+
+def _write_images(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
+    from PIL import Image
+
+    first, *others = (Image.fromarray(frame) for frame in frames)
+    kind = path.suffix.lower().removeprefix(".")
+    # Whole milliseconds, without drift.
+    ends = np.rint(1000.0 / fps * np.arange(len(others) + 2))
+    durations = np.diff(ends).astype(int).tolist()
+    settings = {"duration": durations, "loop": 0, "save_all": True, "append_images": others}
+    write_safely(
+        path, lambda file: first.save(file, kind, **settings, **({"method": 2} if kind == "webp" else {}))
+    )
+    return 1 + len(others)
+
+
+def _write_mp4(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
+    temporary, count = path.with_name(f".{path.name}.part.mp4"), 0
+    frames = iter(frames)
+    first = next(frames)
+    height, width, _ = first.shape
+    command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-pix_fmt", "yuv420p", str(temporary)]
+    try:
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            count = _feed(process, first, frames)
+            _, told = process.communicate()
+        if process.returncode != 0:
+            raise OSError(f"{path} could not be written: ffmpeg says {told.decode(errors='replace').strip()!r}")
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return count
+
+
+def _feed(process: subprocess.Popen, first: NDArray[np.uint8], frames: Iterable[NDArray[np.uint8]]) -> int:
+    assert process.stdin is not None
+    count = 0
+    try:
+        for frame in chain((first,), frames):
+            process.stdin.write(frame.tobytes())
+            count += 1
+    except BrokenPipeError:
+        # What went wrong, ffmpeg says itself.
+        pass
+    return count

@@ -1,0 +1,1 @@
+"""Jobs: one training, several processes, a cluster, the bar on the terminal."""

@@ -1,0 +1,1 @@
+"""Mathematics that knows neither vehicle nor shield: roots, least points, projections, hashes, feedback."""

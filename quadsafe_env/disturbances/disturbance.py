@@ -1,0 +1,88 @@
+"""What the kernels are told of conditions: the numbers that a control period and a physics step need."""
+
+import math
+from typing import NamedTuple
+
+from quadsafe_core.kernels.jit import inline_kernel
+from quadsafe_env.tasks.conditions import Conditions
+
+# Choices: a gust of a second, short beside a flight, and one of them in every four seconds.
+GUST_LENGTH = 1.0  # s
+GUST_PERIOD = 4.0  # s
+# A choice near the scale of Dryden's model over speed: a few metres of air that pass at a few metres a second.
+TURBULENCE_TIME = 0.5  # s
+
+
+class Disturbance(NamedTuple):
+    """Conditions as kernels need them; ``disturbance`` has what the numbers that are no fields mean."""
+
+    noise: tuple[float, float, float, float]
+    bias: tuple[float, float, float, float]
+    loss: float
+    wind: float
+    gust: float
+    turbulence: float
+    turbulence_kept: float
+    half_drag: float
+    half_push: float
+    gain: float
+    mass_error: float
+    inertia_error: float
+    lag_kept: float
+    lag_mean: float
+    jitter: float
+    impulse: float
+    impulse_chance: float
+
+
+def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
+    """Conditions as numbers of a control period and a physics step ``dt``, s.
+
+    Over half a physics step drag and air turn v into ``half_drag v + half_push a``, the solution of
+    v̇ = a − drag v. Over a whole one the lag turns what it remembers, w, of the asked wrench u into
+    u + lag_kept (w − u), and gives u + lag_mean (w − u) in the mean, the solution of rotor_lag ẇ = u − w.
+    """
+    lag = -math.expm1(-dt / c.rotor_lag) if c.rotor_lag > 0.0 else 1.0
+    return Disturbance(
+        noise=c[0:4],
+        bias=c[4:8],
+        loss=c.loss,
+        wind=c.wind,
+        gust=c.gust,
+        turbulence=c.turbulence,
+        turbulence_kept=math.exp(-control_period / TURBULENCE_TIME),
+        half_drag=math.exp(-0.5 * c.drag * dt),
+        half_push=-math.expm1(-0.5 * c.drag * dt) / c.drag if c.drag > 0.0 else 0.5 * dt,
+        gain=c.gain,
+        mass_error=c.mass_error,
+        inertia_error=c.inertia_error,
+        lag_kept=1.0 - lag,
+        lag_mean=lag * c.rotor_lag / dt,
+        jitter=c.jitter,
+        impulse=c.impulse,
+        impulse_chance=-math.expm1(-c.impulse_rate * control_period),
+    )
+
+
+@inline_kernel
+def unpacked_disturbance(c):
+    """The disturbance whose numbers are packed in ``c``, see ``quadsafe_env.simulation.plant``."""
+    return Disturbance(
+        (c[0], c[1], c[2], c[3]),
+        (c[4], c[5], c[6], c[7]),
+        c[8],
+        c[9],
+        c[10],
+        c[11],
+        c[12],
+        c[13],
+        c[14],
+        c[15],
+        c[16],
+        c[17],
+        c[18],
+        c[19],
+        c[20],
+        c[21],
+        c[22],
+    )

@@ -1,0 +1,194 @@
+"""The second half of a control period under conditions, as ``episode.advance_batch`` is without.
+
+A physics step of a row, in this order: the inner loop asks for a wrench, from the true state and the believed
+vehicle; the rotors lag behind it; drag and air act over half the step; the true vehicle flies (29) with what
+the rotors give; drag and air act over the other half. So with every condition off the step is that of
+``block.fly``, bit for bit, and otherwise it is of second order in dt (Strang splitting).
+"""
+
+import math
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.vec3 import add
+from quadsafe_core.maths.counter_rng import uniform
+from quadsafe_env.disturbances.disturbance import unpacked_disturbance
+from quadsafe_env.disturbances.draws import IMPULSE, INERTIA_AT, JITTER, MASS_AT, air_of, directed, period_key
+from quadsafe_env.simulation.block import (
+    CLIPPED,
+    CRASH,
+    GOAL,
+    HELD,
+    IS_FLYING,
+    LINES,
+    LONGEST,
+    PER_SPHERE,
+    SNAP,
+    SPHERES,
+    TABLE,
+    YAW,
+    block_of,
+    measure_gaps,
+    measure_here,
+)
+from quadsafe_env.simulation.episode import (
+    FLAGS,
+    close_lanes,
+    flat_rows,
+    load_rows,
+    load_wishes,
+    record_period,
+    store_closed,
+)
+from quadsafe_env.simulation.plant import unpacked
+from quadsafe_env.tasks.obstacles import squared_distance
+from quadsafe_env.tasks.reward import held_time
+from quadsafe_env.vehicle.inner_loop import held_wrench
+from quadsafe_env.vehicle.params import QuadrotorParams
+from quadsafe_env.vehicle.rotors import limited_step
+from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane
+
+
+@inline_kernel
+def true_vehicle(i, believed, m):
+    """The vehicle of row i: mass and inertia other than believed."""
+    turn, (Jx, Jy, Jz) = m.drawn[i, INERTIA_AT], believed.inertia
+    return QuadrotorParams(
+        believed.mass * m.drawn[i, MASS_AT],
+        (Jx * turn, Jy * turn, Jz * turn),
+        believed.arm,
+        believed.radius,
+        believed.thrust_max,
+        believed.thrust_min,
+        believed.torque_max,
+        believed.gravity,
+        believed.yaw_rate_max,
+    )
+
+
+@inline_kernel
+def steps_of(i, substeps, d, m):
+    """Physics steps of the present period of row i, by its clock."""
+    key, n = period_key(m, i)
+    return max(1, math.floor(substeps * uniform(key, n + JITTER, 1.0 - d.jitter, 1.0 + d.jitter) + 0.5))
+
+
+@inline_kernel
+def struck(i, v, d, m):
+    """Velocity after the impulse that row i meets in the present period, or meets none."""
+    key, n = period_key(m, i)
+    if uniform(key, n + IMPULSE, 0.0, 1.0) >= d.impulse_chance:
+        return v
+    return add(v, directed(key, n + IMPULSE + 1, d.impulse))
+
+
+@inline_kernel
+def lagged(i, asked, d, m):
+    """The wrench that the rotors of row i give in the mean of a physics step, and their lag at its end."""
+    w = (m.wrench[i, 0], m.wrench[i, 1], m.wrench[i, 2], m.wrench[i, 3])
+    for k in range(4):
+        m.wrench[i, k] = asked[k] + d.lag_kept * (w[k] - asked[k])
+    return (
+        asked[0] + d.lag_mean * (w[0] - asked[0]),
+        asked[1] + d.lag_mean * (w[1] - asked[1]),
+        asked[2] + d.lag_mean * (w[2] - asked[2]),
+        asked[3] + d.lag_mean * (w[3] - asked[3]),
+    )
+
+
+@inline_kernel
+def pushed(s, air, d):
+    """The state after drag and air have acted on its velocity for half a physics step."""
+    return (
+        *s[0:3],
+        d.half_drag * s[3] + d.half_push * air[0],
+        d.half_drag * s[4] + d.half_push * air[1],
+        d.half_drag * s[5] + d.half_push * air[2],
+        *s[6:20],
+    )
+
+
+@inline_kernel
+def is_sound(s, thrust_min):
+    """Finite, and the thrust above the floor of the flat map."""
+    total = s[0] + s[1] + s[2] + s[3] + s[4] + s[5] + s[6] + s[7] + s[8] + s[9]
+    total += s[10] + s[11] + s[12] + s[13] + s[14] + s[15] + s[16] + s[17] + s[18] + s[19]
+    return abs(total) < math.inf and s[THRUST] > thrust_min
+
+
+@inline_kernel
+def record_step(block, i, spheres, s, dt):
+    """Time at the goal and least squared distances to the spheres after a step of lane i."""
+    held = held_time(
+        block[LANES * HELD + i], squared_distance(s[0], s[1], s[2], lane_triple(block, U(LANES * GOAL + i))), dt
+    )
+    block[LANES * HELD + i] = held
+    block[LANES * LONGEST + i] = max(block[LANES * LONGEST + i], held)
+    for k in range(spheres):
+        at = LANES * (SPHERES + PER_SPHERE * k) + i
+        squared = squared_distance(s[0], s[1], s[2], lane_triple(block, U(at)))
+        block[at + 4 * LANES] = min(block[at + 4 * LANES], squared)
+
+
+@kernel
+def fly_row(block, lane, i, spheres, substeps, plant, rotors, d, m):
+    """Fly row i, in a lane, for a control period; it stays in its last sound state when it crashes."""
+    dt, steps = plant.dt, steps_of(i, substeps, d, m)
+    vehicle, air = true_vehicle(i, plant.params, m), air_of(i, dt * m.age[i, 1], d, m)
+    snap, yaw_acceleration = lane_triple(block, U(LANES * SNAP + lane)), block[LANES * YAW + lane]
+    before = lane_state(block, U(lane))
+    s = before[0:3] + struck(i, before[3:6], d, m) + before[6:20]
+    for _ in range(steps):
+        given = lagged(i, held_wrench(s, snap, yaw_acceleration, plant.params, dt), d, m)
+        after, is_clipped = limited_step(pushed(s, air, d), given, vehicle, rotors, dt)
+        after = pushed(after, air, d)
+        if is_clipped:
+            block[LANES * CLIPPED + lane] = 1.0
+        if not is_sound(after, plant.params.thrust_min):
+            block[LANES * (TABLE + IS_FLYING) + lane], block[LANES * (TABLE + CRASH) + lane] = 0.0, 1.0
+            break
+        s = after
+        record_step(block, lane, spheres, s, dt)
+    store_lane(block, U(lane), s)
+    m.age[i, 0] += 1
+    m.age[i, 1] += steps
+
+
+@kernel
+def advance_disturbed_batch(
+    constants,
+    rotors,
+    substeps,
+    numbers,
+    m,
+    closes,
+    states,
+    snap,
+    yaw_acceleration,
+    goal,
+    center,
+    radius,
+    table,
+    outcome,
+    flags,
+):
+    """Hold snap and yaw acceleration for a control period; the last one of a policy step closes it."""
+    plant, d, spheres = unpacked(constants), unpacked_disturbance(numbers), radius.shape[1]
+    block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
+    rows = flat_rows(states, goal, center, radius)
+    for first in range(0, states.shape[0], LANES):
+        count = min(LANES, states.shape[0] - first)
+        load_rows(block, first, count, spheres, rows)
+        load_wishes(block, first, count, snap, yaw_acceleration, table, plant.yaw)
+        for lane in range(count):
+            if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
+                fly_row(block, lane, first + lane, spheres, substeps, plant, rotors, d, m)
+        from_lanes(block, I(0), rows[0], I(STATE_SIZE), first, count)
+        measure_gaps(block, count, spheres, gaps)
+        record_period(block, gaps, count, plant.dt)
+        if closes:
+            measure_here(block, count, spheres, gaps)
+            close_lanes(block, gaps, count, plant, flag_block)
+            store_closed(block, flag_block, first, count, outcome, flags)
+        for k in range(U(LANES * LINES)):
+            table[U(first * LINES) + k] = block[U(LANES * TABLE) + k]

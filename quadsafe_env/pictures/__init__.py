@@ -1,0 +1,1 @@
+"""Worlds that are looked at: frames, the path behind a vehicle, a window."""

@@ -1,0 +1,90 @@
+"""A window on the screen that keeps the pace of a flight."""
+
+import os
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_env.pictures.sprites import SIZE, pygame
+
+# Drivers that draw where nobody sees it.
+BLIND = ("dummy", "offscreen")
+
+
+def has_display() -> bool:
+    """Whether a window would be seen."""
+    # Without one, SDL complains on the terminal.
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False
+    was_open = pygame.display.get_init()
+    try:
+        pygame.display.init()
+        return pygame.display.get_driver() not in BLIND
+    except pygame.error:
+        return False
+    finally:
+        if not was_open:
+            pygame.display.quit()
+
+
+def is_driver_named() -> bool:
+    """Whether the user has named SDL's video driver, be it one that draws where nobody sees it."""
+    return any(os.environ.get(name) for name in ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER"))
+
+
+def no_display(found: str) -> OSError:
+    """The sentence for a window that has no display to open on."""
+    return OSError(
+        f"render_mode 'human' must have a display to open a window on, got {found}; 'rgb_array' needs none"
+    )
+
+
+class Window:
+    """Shows frames (480, 480, 3) one after the other; it opens with the first, and stays closed once closed.
+
+    Without a display SDL would draw where nobody looks, at the pace of the flight all the same. It does so only
+    for who asks for it by name, with ``SDL_VIDEODRIVER=dummy``.
+
+    Args:
+        fps: frames a second.
+
+    Raises:
+        OSError: at the first frame, if there is no display.
+    """
+
+    def __init__(self, fps: int):
+        self._fps, self._clock = fps, pygame.time.Clock()
+        self._screen: pygame.Surface | None = None
+        self.is_closed = False
+
+    def show(self, frame: NDArray[np.uint8]) -> None:
+        """Show a frame when its time has come."""
+        if self.is_closed:
+            return
+        screen = self._screen or self._open()
+        screen.blit(pygame.image.frombuffer(frame.tobytes(), (SIZE, SIZE), "RGB"), (0, 0))
+        self._clock.tick(self._fps)
+        pygame.display.flip()
+        if pygame.event.get(pygame.QUIT):
+            self.close()
+        else:
+            pygame.event.clear()
+
+    def _open(self) -> pygame.Surface:
+        if not (is_driver_named() or has_display()):
+            raise no_display("none")
+        try:
+            pygame.display.init()
+            self._screen = pygame.display.set_mode((SIZE, SIZE))
+        except pygame.error as error:
+            raise no_display(repr(str(error))) from error
+        pygame.display.set_caption("quadsafe")
+        return self._screen
+
+    def close(self) -> None:
+        """Close the window, should it be open."""
+        self.is_closed = True
+        if self._screen is not None:
+            self._screen = None
+            pygame.display.quit()

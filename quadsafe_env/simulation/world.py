@@ -1,0 +1,292 @@
+"""N quadrotors among spheres: the one place that sequences the flow of a policy step.
+
+    action → command → [once per control period: desired snap → filter slot → inner loop → RK4] → observation
+
+The waist is (snap, yaw acceleration): every action interface ends in a desired one, and the inner loop holds
+the safe one over the control period at the physics rate. With or without a filter nothing else differs.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from quadsafe_core.kernels.lanes import LANES, aligned_rows
+from quadsafe_env.simulation.block import LINES
+from quadsafe_env.simulation.episode import (
+    FLAGS,
+    advance_batch,
+    begin_rows,
+    next_words,
+    observe_rows,
+    place_rows,
+)
+from quadsafe_env.simulation.measure import MEASURES
+from quadsafe_env.simulation.plant import Plant, packed
+from quadsafe_env.simulation.rates import Rates, check_rates
+from quadsafe_env.simulation.slot import Filtered, Passed, PassThrough, SnapFilter, safe_snaps
+from quadsafe_env.tasks.conditions import OFF, Conditions
+from quadsafe_env.tasks.obstacles import Spheres
+from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
+from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
+from quadsafe_env.vehicle.actions import action_scale, velocity_gains
+from quadsafe_env.vehicle.authority import yaw_range
+from quadsafe_env.vehicle.flatness import flat_batch
+from quadsafe_env.vehicle.params import QuadrotorParams
+from quadsafe_env.vehicle.rotors import limited_rotors
+from quadsafe_env.vehicle.state import STATE_SIZE
+from quadsafe_env.vehicle.yaw import YawHold, YawRange, yaw_hold
+
+# The lines of the outcomes behind the reward, then those of the flags before the end.
+INFO_KEYS = (
+    "cost",
+    "clearance",
+    "is_success",
+    "violation",
+    "out_of_bounds",
+    "crash",
+    "invalid_action",
+    "saturated",
+    "spinning",
+)
+
+__all__ = ["Filtered", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
+
+
+class World:
+    """N quadrotors, each in its own scene, stepped together.
+
+    Args:
+        n: number of rows N.
+        task: where they fly.
+        params: the vehicle.
+        action: name of the action interface.
+        spheres: keep-out spheres of every scene, or None for the task's own.
+        rates: policy, control and physics rates, Hz.
+        terminate_on_violation: whether a violation ends an episode.
+        rotor_limits: whether each rotor, and the yaw motion, keeps to what the rotors give.
+    """
+
+    conditions: Conditions = OFF
+
+    def __init__(
+        self,
+        n: int,
+        task: Task,
+        params: QuadrotorParams,
+        *,
+        action: str,
+        spheres: Spheres | None,
+        rates: Rates,
+        terminate_on_violation: bool,
+        rotor_limits: bool,
+    ):
+        check_rates(rates)
+        self.n, self.task, self.params, self.rates = n, task, params, rates
+        self.control_period = 1.0 / rates.control
+        self._periods, self._substeps = rates.control // rates.policy, rates.physics // rates.control
+        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
+        self.snap_filter: SnapFilter = PassThrough()
+        self.action_scale = np.array(action_scale(action, params))
+        self._action, self.rotor_limits = action, rotor_limits
+        # Without limits the kernels are compiled without the rotors.
+        self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
+        self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
+        self._constants = packed(
+            Plant(
+                params=params,
+                gains=velocity_gains(self.control_period),
+                scale=action_scale(action, params),
+                low=task.low,
+                high=task.high,
+                dt=1.0 / rates.physics,
+                ends_at_goal=task.ends_at_goal,
+                terminate_on_violation=terminate_on_violation,
+                yaw=self.yaw_hold_at(1.0 / rates.physics),
+            )
+        )
+        self._allocate(self._source.sphere_count)
+
+    def yaw_hold_at(self, dt: float) -> YawHold:
+        """What the yaw motion keeps to with physics steps of ``dt``, s."""
+        kept = yaw_range(self.params) if self.rotor_limits else YawRange(self.params.yaw_rate_max, math.inf)
+        met = self.conditions
+        return yaw_hold(kept, dt, self.control_period, met.jitter, met.inertia_error)
+
+    def _allocate(self, k: int) -> None:
+        n = self.n
+        self.states = aligned_rows(n, STATE_SIZE)
+        self.scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
+        self.words = np.zeros((n, 2), dtype=np.int64)
+        self.outcomes, self.flags = np.zeros((3, n)), np.zeros((FLAGS, n), dtype=np.bool_)
+        self._seeds = np.zeros((n, 2), dtype=np.int64)
+        self._episodes = np.zeros(n, dtype=np.int64)
+        blocks = -(-n // LANES)
+        self._table, self._commands = np.zeros(blocks * LANES * LINES), np.zeros(blocks * LANES * 4)
+        self._flat = np.zeros((n, 4, 3))
+        self._snap, self._yaw_acceleration = np.zeros((n, 3)), np.zeros(n)
+        place_rows(np.arange(n), self._constants, self.scenes.start, self.states)
+
+    @property
+    def is_shielded(self) -> bool:
+        """Whether the filter slot is taken."""
+        return not isinstance(self.snap_filter, PassThrough)
+
+    def flat_states(self) -> NDArray[np.float64]:
+        """Flat states (N, 4, 3), a fresh array."""
+        flat = np.empty_like(self._flat)
+        flat_batch(self.states, self.params, flat)
+        return flat
+
+    def snapshot(self) -> dict[str, NDArray]:
+        """All that this world remembers, as copies; the filter in the slot has its own memory."""
+        return {name: array.copy() for name, array in self._remembered().items()}
+
+    def restore(self, snapshot: Mapping[str, NDArray]) -> None:
+        """Go on where an equal world was when it gave this snapshot.
+
+        Raises:
+            ValueError: for the snapshot of a world of another size.
+        """
+        own = self._remembered()
+        found = {name: (array.shape, array.dtype) for name, array in snapshot.items()}
+        if found != {name: (array.shape, array.dtype) for name, array in own.items()}:
+            raise ValueError(f"snapshot must be one of {self.n} rows in equal scenes, got arrays {found}")
+        for name, array in own.items():
+            array[...] = snapshot[name]
+
+    def _remembered(self) -> dict[str, NDArray]:
+        return {
+            "states": self.states,
+            "words": self.words,
+            "outcomes": self.outcomes,
+            "flags": self.flags,
+            "seeds": self._seeds,
+            "episodes": self._episodes,
+            "table": self._table,
+            "commands": self._commands,
+            **self.scenes._asdict(),
+        }
+
+    def seed(self, rows: NDArray[np.intp], words: NDArray[np.int64]) -> None:
+        """Start the episode count of the rows over: their next scene is the seed, words (len(rows), 2)."""
+        self._seeds[rows] = words
+        self._episodes[rows] = 0
+
+    def reset(self, rows: NDArray[np.intp]) -> None:
+        """Place the given rows at the start of their next scene."""
+        next_words(self._seeds, self._episodes, rows, self.words)
+        self._place(rows)
+
+    def reset_to(self, rows: NDArray[np.intp], words: NDArray[np.int64]) -> None:
+        """Place the given rows at the start of the scenes with the given integers."""
+        self.words[rows] = words
+        self._place(rows)
+
+    def restart(self, rows: NDArray[np.intp]) -> None:
+        """Place the given rows at the start of their present scene."""
+        place_rows(rows, self._constants, self.scenes.start, self.states)
+        self._begin(rows)
+
+    def start_from(self, states: NDArray[np.float64]) -> None:
+        """Start the episode of every row over from the given states (N, 20), in its present scene."""
+        self.states[:] = states
+        self._begin(np.arange(self.n))
+
+    def _place(self, rows: NDArray[np.intp]) -> None:
+        self._episodes[rows] += 1
+        self._source.draw(self.words, rows, self.scenes)
+        self.restart(rows)
+
+    def _begin(self, rows: NDArray[np.intp]) -> None:
+        begin_rows(
+            rows,
+            self._constants,
+            self.states,
+            *self._goal_and_spheres,
+            self._table,
+            self.outcomes,
+            self.flags,
+        )
+        mask = np.zeros(self.n, dtype=np.bool_)
+        mask[rows] = True
+        self.snap_filter.reset(mask)
+
+    @property
+    def _goal_and_spheres(self):
+        return self.scenes.goal, self.scenes.center, self.scenes.radius
+
+    def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
+        """Write the present observations of the given rows."""
+        observe_rows(rows, self._constants, self.states, *self._goal_and_spheres, observations)
+
+    def observed(self) -> NDArray[np.float32]:
+        """Present observations (N, observation_size), a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        self.observe(np.arange(self.n), observations)
+        return observations
+
+    def step(self, actions: NDArray) -> NDArray[np.float32]:
+        """One policy step of every row under actions (N, 4); the observations after it, a fresh array."""
+        observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        for period in range(self._periods):
+            self._control_period(actions, observations, period == 0, period == self._periods - 1)
+        return observations
+
+    def _control_period(
+        self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
+    ) -> None:
+        snap, yaw_acceleration = self._snap, self._yaw_acceleration
+        self._measure(actions, opens)
+        goal, center, radius = self._goal_and_spheres
+        answer = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
+        advance_batch(
+            self._constants,
+            self._rotors,
+            self._substeps,
+            closes,
+            self.states,
+            safe_snaps(answer, self.n),
+            yaw_acceleration,
+            goal,
+            center,
+            radius,
+            self._table,
+            self.outcomes,
+            self.flags,
+            observations,
+        )
+
+    def _measure(self, actions: NDArray, opens: bool) -> None:
+        """Flat states and desired snaps and yaw accelerations, from the states and the actions."""
+        MEASURES[self._action](
+            self._constants,
+            opens,
+            self.is_shielded,
+            actions,
+            self.states,
+            self._commands,
+            self._table,
+            self._flat,
+            self._snap,
+            self._yaw_acceleration,
+        )
+
+    def picture(self, row: int) -> NDArray[np.uint8] | None:
+        """No picture: this world is not looked at."""
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], tuple[NDArray, ...]]:
+        """Rewards, ends and the values of the info of the last step, fresh arrays (N,)."""
+        rewards, cost, clearance = self.outcomes.copy()
+        *flags, terminated = self.flags.copy()
+        return rewards, terminated, (cost, clearance, *flags)
+
+    def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
+        """Reward, end and info of the only row."""
+        reward, cost, clearance = self.outcomes.reshape(-1).tolist()
+        *flags, terminated = self.flags.reshape(-1).tolist()
+        return reward, terminated, dict(zip(INFO_KEYS, (cost, clearance, *flags), strict=True))

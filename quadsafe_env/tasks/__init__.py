@@ -1,0 +1,1 @@
+"""Where a quadrotor flies, what it is paid for, and what it meets: scenes, spheres, rewards, conditions."""

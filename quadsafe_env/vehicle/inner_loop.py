@@ -1,0 +1,53 @@
+"""The inner loop: the wrench that is held over a physics step so that the body flies a held snap.
+
+Along the flight under a held wrench the snap s moves at the rate κ = ṡ, the crackle. With the specific thrust
+t, ζ = ż_B and α = z̈_B across the thrust, in body axes, and ω̇ from (35) for the snap u,
+
+    κ_⊥ = 3 ẗ ζ + 3 ṫ α + t (γ − |ζ|² ζ)       κ_z = −3 ṫ |ζ|² − 3 t ζ·α       ẗ = u_z + t |ζ|²
+    γ_x = (J_y + J_z − J_x)/J_y (ω̇_z ω_x + ω_z ω̇_x) − ω_z α_y
+    γ_y = (J_x + J_z − J_y)/J_x (ω̇_z ω_y + ω_z ω̇_y) + ω_z α_x
+
+The wrench is that of the snap u − κ δ/2 at the start of the step δ: half a step earlier on the same slope, so
+the mean over the step is u but for terms of second order in δ. ``inner_loop_error`` bounds what is left.
+"""
+
+import math
+
+from quadsafe_core.kernels.jit import inline_kernel
+from quadsafe_core.kernels.lanes import fma
+from quadsafe_env.vehicle.flatness import wrench_from_body_snap
+from quadsafe_env.vehicle.state import omega_of, to_body
+
+
+@inline_kernel
+def crackle(s, snap, yaw_acceleration, params):
+    """κ in body axes under the held wrench that gives a snap, in body axes, and ω̇_z; also ω̇_x and ω̇_y."""
+    x, y, z = omega_of(s)
+    Jx, Jy, Jz = params.inertia
+    per_mass = 1.0 / params.mass
+    t, rate = s[18] * per_mass, s[19] * per_mass
+    # Written out so that interpreted and compiled code agree at the singularity.
+    per_thrust = 1.0 / t if t != 0.0 else math.nan
+    ax, ay = fma(-2.0 * rate, y, snap[0]) * per_thrust, fma(2.0 * rate, x, snap[1]) * per_thrust
+    wx, wy = fma(y, z, -ay), fma(-x, z, ax)
+    turn = fma(x, x, y * y)
+    bend = fma(t, turn, snap[2])
+    gx = fma((Jy + Jz - Jx) / Jy, fma(yaw_acceleration, x, z * wx), -(z * ay))
+    gy = fma((Jx + Jz - Jy) / Jx, fma(yaw_acceleration, y, z * wy), z * ax)
+    across = fma(y, ax, -(x * ay))
+    return (
+        fma(3.0, fma(bend, y, rate * ax), t * fma(-turn, y, gx)),
+        fma(3.0, fma(-bend, x, rate * ay), t * fma(turn, x, gy)),
+        -3.0 * fma(rate, turn, t * across),
+    ), (wx, wy)
+
+
+@inline_kernel
+def held_wrench(s, snap, yaw_acceleration, params, dt):
+    """The wrench that, held over a step, gives snap and ω̇_z in the mean to second order in dt."""
+    u, half = to_body(s, snap), -0.5 * dt
+    k, (wx, wy) = crackle(s, u, yaw_acceleration, params)
+    earlier = (fma(half, k[0], u[0]), fma(half, k[1], u[1]), fma(half, k[2], u[2]))
+    # ω_x ω_y as it is at the middle of the step turns the body about the thrust if J_x ≠ J_y.
+    x, y = fma(-half, wx, s[15]), fma(-half, wy, s[16])
+    return wrench_from_body_snap(s, earlier, yaw_acceleration, x * y, params)

@@ -1,0 +1,198 @@
+"""Polynomial arcs of a vehicle under a held snap, and whether they keep clear between samples too.
+
+An arc is cut into pieces. A piece is clear of a sphere when a plane separates the sphere from the control
+points (Bernstein form) of the piece, whose convex hull contains it: nothing is missed between samples. The
+same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above; below its ceiling it
+is where the control points are.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector, write3
+
+# An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
+# hull of the control points is then within a millimetre of the path.
+MOST_PIECES = 128
+SHORTEST_PIECE = 0.02
+# What a look at an arc finds.
+CLEAR, UNSURE, HIT = range(3)
+
+
+class Flat(NamedTuple):
+    """A flat state as three-vectors: position, velocity, acceleration, jerk."""
+
+    r: tuple
+    v: tuple
+    a: tuple
+    j: tuple
+
+
+class ThrustBand(NamedTuple):
+    """Least and greatest specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
+
+    least: float
+    most: float
+    gravity: float
+
+
+class Spheres(NamedTuple):
+    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
+
+    center: np.ndarray
+    velocity: np.ndarray
+    keep_out: np.ndarray
+
+
+@inline_kernel
+def flat_of(row):
+    """A row (4, 3) as a flat state."""
+    return Flat(vector(row[0]), vector(row[1]), vector(row[2]), vector(row[3]))
+
+
+@inline_kernel
+def write_flat(row, x):
+    """Store a flat state in a row (4, 3)."""
+    write3(row[0], x.r)
+    write3(row[1], x.v)
+    write3(row[2], x.a)
+    write3(row[3], x.j)
+
+
+@kernel
+def flown(x, snap, t):
+    """The flat state after the snap was held for t, equation (9) in each axis."""
+    j = combined(x.j, t, snap)
+    a = combined(combined(x.a, t, x.j), t * t / 2, snap)
+    v = combined(combined(combined(x.v, t, x.a), t * t / 2, x.j), t**3 / 6, snap)
+    r = combined(combined(combined(combined(x.r, t, x.v), t * t / 2, x.a), t**3 / 6, x.j), t**4 / 24, snap)
+    return Flat(r, v, a, j)
+
+
+@kernel
+def position_points(x, snap, d):
+    """Bernstein control points of the position over a piece of length d."""
+    c1, c2, c3 = scale(d, x.v), scale(d * d / 2, x.a), scale(d**3 / 6, x.j)
+    b1 = combined(x.r, 1 / 4, c1)
+    b2 = combined(combined(x.r, 1 / 2, c1), 1 / 6, c2)
+    b3 = combined(combined(combined(x.r, 3 / 4, c1), 1 / 2, c2), 1 / 4, c3)
+    b4 = combined(add(add(add(x.r, c1), c2), c3), d**4 / 24, snap)
+    return (x.r, b1, b2, b3, b4)
+
+
+@inline_kernel
+def acceleration_points(x, snap, d):
+    """Bernstein control points of the acceleration over a piece of length d."""
+    return (x.a, combined(x.a, d / 2, x.j), combined(combined(x.a, d, x.j), d * d / 2, snap))
+
+
+@kernel
+def is_separated(n, length, points, center, drift, radius):
+    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖`` for all five control points; the centre moves by drift in all."""
+    # Through the centre there is no direction, and what has overflowed is not clear either.
+    if not length >= radius:
+        return False
+    for i in range(5):
+        gap = subtract(points[i], combined(center, i / 4, drift))
+        if not dot(n, gap) >= radius * length:
+            return False
+    return True
+
+
+@inline_kernel
+def nearest_on_chord(start, end):
+    """The point of a straight line from start to end that is nearest to the origin."""
+    chord = subtract(end, start)
+    square = dot(chord, chord)
+    share = -dot(start, chord) / square if square > 0.0 else 0.0
+    return combined(start, min(max(share, 0.0), 1.0), chord)
+
+
+@kernel
+def piece_clears(points, center, drift, radius):
+    """Whether a plane separates: across the way to the nearest point of the chord, or to the middle."""
+    n = nearest_on_chord(subtract(points[0], center), subtract(points[4], add(center, drift)))
+    if is_separated(n, norm(n), points, center, drift, radius):
+        return True
+    middle = subtract(points[2], combined(center, 0.5, drift))
+    return is_separated(middle, norm(middle), points, center, drift, radius)
+
+
+@inline_kernel
+def piece_keeps_thrust(points, band):
+    """Whether the specific thrust r̈ + g e3 keeps to the band over the piece.
+
+    A plane separates it from the ball of the floor; the ball of the ceiling holds its control points.
+    """
+    lift = (0.0, 0.0, band.gravity)
+    b0, b1, b2 = add(points[0], lift), add(points[1], lift), add(points[2], lift)
+    length = norm(b1)
+    least = band.least * length
+    if not (length >= band.least and dot(b1, b0) >= least and dot(b1, b2) >= least):
+        return False
+    return max(dot(b0, b0), dot(b1, b1), dot(b2, b2)) <= band.most * band.most
+
+
+@inline_kernel
+def thrust_leaves(acceleration, band):
+    """Whether an acceleration of the arc itself is outside of the band."""
+    thrust = norm(add(acceleration, (0.0, 0.0, band.gravity)))
+    return thrust < band.least or thrust > band.most
+
+
+@kernel
+def look_at_pieces(x, snap, start, d, pieces, spheres, band):
+    """Whether the pieces of length d of the arc keep clear of the spheres and to the band.
+
+    ``CLEAR``; ``HIT`` if the end of a piece, a point of the arc itself, does not; else ``UNSURE``.
+    """
+    for piece in range(pieces):
+        y = flown(x, snap, piece * d)
+        accelerations = acceleration_points(y, snap, d)
+        if not piece_keeps_thrust(accelerations, band):
+            return HIT if thrust_leaves(accelerations[2], band) else UNSURE
+        points = position_points(y, snap, d)
+        for k in range(spheres.keep_out.shape[0]):
+            if spheres.keep_out[k] > 0.0:
+                velocity = vector(spheres.velocity[k])
+                drift, center = (
+                    scale(d, velocity),
+                    combined(vector(spheres.center[k]), start + piece * d, velocity),
+                )
+                if not piece_clears(points, center, drift, spheres.keep_out[k]):
+                    gap = norm(subtract(points[4], add(center, drift)))
+                    return HIT if gap < spheres.keep_out[k] else UNSURE
+    return CLEAR
+
+
+@kernel
+def look_at_arc(x, snap, start, duration, spheres, band):
+    """The same for the snap held from ``start`` for ``duration``: whole, or in ever shorter pieces."""
+    pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, spheres, band)
+    while found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
+        pieces *= 2
+        found = look_at_pieces(x, snap, start, duration / pieces, pieces, spheres, band)
+    return found
+
+
+@kernel
+def arc_is_clear(x, snap, start, duration, spheres, band):
+    """Whether the snap held from ``start`` for ``duration`` is sure to keep clear, and to the band."""
+    return look_at_arc(x, snap, start, duration, spheres, band) == CLEAR
+
+
+@kernel
+def rest_is_clear(x, start, spheres):
+    """Whether a vehicle that moves on at its velocity from time ``start`` keeps clear for ever."""
+    for k in range(spheres.keep_out.shape[0]):
+        drift = vector(spheres.velocity[k])
+        gap = subtract(x.r, combined(vector(spheres.center[k]), start, drift))
+        closing = subtract(x.v, drift)
+        speed = dot(closing, closing)
+        if speed > 0.0:
+            gap = combined(gap, max(0.0, -dot(gap, closing) / speed), closing)
+        if spheres.keep_out[k] > 0.0 and not norm(gap) >= spheres.keep_out[k]:
+            return False
+    return True

@@ -1,0 +1,215 @@
+"""The joint certificate: a stored stop that clears every sphere and keeps the specific thrust.
+
+Each sphere alone has an invariant set, but the intersection of such sets is not invariant: K spheres can
+demand opposite things. So a snap is accepted only together with a proof that the vehicle can still stop:
+
+    s_0, s_1, s_2 held for h each, dead-beat on (v, a, j):  s = −(v − w)/h³ − 2a/h² − 11j/(6h)
+
+brings the vehicle to rest, exactly, in the frame that moves with w. Every arc of it is checked
+(``shields.backup.arcs``): the spheres, the thrust band, the jerk at its ends, between which it is linear. After
+the last one a ray test keeps the spheres that move at constant velocity away from the resting vehicle for ever.
+The stop ends in exact rest and is held there by feedback. Before a stored stop is flown, what is left of it is
+checked again, against the spheres and the vehicle as they are by then.
+"""
+
+import math
+from typing import NamedTuple
+
+from quadsafe_core.kernels.borrow import one_row
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
+from shields.backup.arcs import (
+    CLEAR,
+    HIT,
+    Flat,
+    Spheres,
+    ThrustBand,
+    arc_is_clear,
+    flat_of,
+    flown,
+    look_at_arc,
+    rest_is_clear,
+)
+from shields.backup.stop_hull import SEGMENTS, is_clear_at_once
+from shields.backup.stored_stop import (
+    LENGTHS,
+    NOTHING,
+    advance_stop,
+    dead_beat_snap,
+    elapsed,
+    feedback,
+    periods_of,
+    tracking_snap,
+    write_stop,
+)
+
+# What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
+BLENDS = (0.5, 0.25)
+ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
+ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
+
+
+class FlightLimits(NamedTuple):
+    """What a certified flight keeps.
+
+    The largest snap that is flown, and that a stop counts on, m/s⁴; the largest jerk, m/s³; the thrust band.
+    """
+
+    snap_max: float
+    stop_snap_max: float
+    jerk_max: float
+    band: ThrustBand
+
+
+class Distances(NamedTuple):
+    """The spheres of one world at three distances: for a new stop, for the stored one, and bare."""
+
+    ahead: Spheres
+    stored: Spheres
+    bare: Spheres
+
+
+@kernel
+def stop_is_clear(x, start, frame, h, spheres, limits):
+    """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
+    for segment in range(SEGMENTS):
+        snap = dead_beat_snap(x, frame, h)
+        if not norm(snap) <= limits.stop_snap_max:
+            return False
+        if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.band):
+            return False
+        x = flown(x, snap, h)
+        if not norm(x.j) <= limits.jerk_max:
+            return False
+    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, spheres)
+
+
+@kernel
+def clear_length(x, start, frame, first, period, spheres, limits):
+    """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
+    if stop_is_clear(x, start, frame, periods_of(first, period) * period, spheres, limits):
+        return first
+    for choice in range(len(LENGTHS)):
+        h = periods_of(choice, period) * period
+        if choice != first and stop_is_clear(x, start, frame, h, spheres, limits):
+            return choice
+    return -1
+
+
+@kernel
+def look_at_stored_stop(plan, period, spheres):
+    """Whether the stored stop, from the start of its segment, keeps clear of the spheres of now."""
+    x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
+    start, h = -elapsed(plan, period), plan["periods"] * period
+    for _ in range(plan["segments_left"]):
+        snap = dead_beat_snap(x, frame, h)
+        found = max(found, look_at_arc(x, snap, start, h, spheres, ANY_THRUST))
+        x, start = flown(x, snap, h), start + h
+    return found if rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres) else HIT
+
+
+@kernel
+def standing(plan, x, period, around, limits, gains):
+    """What the stored stop is worth: STOPPED, ASTRAY if it may not be clear by enough, else UNCERTIFIED.
+
+    It is given up only where a point of it lies in a sphere, or where feedback cannot bring the vehicle back.
+    """
+    if not plan["is_stored"]:
+        return UNCERTIFIED
+    if not norm(feedback(plan, x, period, gains)) <= limits.stop_snap_max:
+        return UNCERTIFIED
+    if look_at_stored_stop(plan, period, around.stored) == CLEAR:
+        return STOPPED
+    return UNCERTIFIED if look_at_stored_stop(plan, period, around.bare) == HIT else ASTRAY
+
+
+@kernel
+def adopt_stop(plan, x, start, period, spheres, limits):
+    """Store a stop that begins at x and keeps every limit; False, and nothing stored, if none is found.
+
+    It ends at rest in the world, or else in the frame of one of the moving spheres.
+    """
+    for k in range(-1, spheres.keep_out.shape[0]):
+        frame = NOTHING if k < 0 else vector(spheres.velocity[k])
+        if k < 0 or (spheres.keep_out[k] > 0.0 and frame != NOTHING):
+            choice = clear_length(x, start, frame, plan["choice"], period, spheres, limits)
+            if choice >= 0:
+                write_stop(plan, x, frame, choice, period)
+                return True
+    return False
+
+
+@inline_kernel
+def accept_at_once(i, plan, x, snap, period, center, velocity, radius, share, limits):
+    """``accept`` by the quick test, with the segment length of the stored stop."""
+    # The jerk of a period is largest at one of its ends.
+    if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
+        return False
+    after, choice = flown(x, snap, period), plan["choice"]
+    h = periods_of(choice, period) * period
+    if not is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
+        return False
+    write_stop(plan, after, NOTHING, choice, period)
+    return True
+
+
+@inline_kernel
+def one_vehicle(spheres):
+    """The spheres of one vehicle as a batch of one."""
+    return one_row(spheres.center), one_row(spheres.velocity), one_row(spheres.keep_out)
+
+
+@kernel
+def length_clear_at_once(first, x, snap, after, period, spheres, limits):
+    """``clear_length`` by the quick test, for the period and the stop after it; −1 if it tells of none."""
+    c, v, r = one_vehicle(spheres)
+    if is_clear_at_once(0, x, snap, after, periods_of(first, period) * period, period, c, v, r, 1.0, limits):
+        return first
+    for choice in range(len(LENGTHS)):
+        h = periods_of(choice, period) * period
+        if choice != first and is_clear_at_once(0, x, snap, after, h, period, c, v, r, 1.0, limits):
+            return choice
+    return -1
+
+
+@kernel
+def accept(plan, x, snap, period, spheres, limits):
+    """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
+    if not norm(snap) <= limits.snap_max:
+        return False
+    after = flown(x, snap, period)
+    choice = length_clear_at_once(plan["choice"], x, snap, after, period, spheres, limits)
+    if choice >= 0:
+        write_stop(plan, after, NOTHING, choice, period)
+        return True
+    if not arc_is_clear(x, snap, 0.0, period, spheres, limits.band):
+        return False
+    return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, spheres, limits)
+
+
+@kernel
+def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
+    """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
+
+    Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, ASTRAY when the vehicle is too far off the
+    stored stop to rely on it and has no other, or UNCERTIFIED when there is no stop at all.
+    """
+    # The tests look at the jerk where an arc ends: where one begins, it was in its limits or is so now.
+    begins_within = norm(x.j) <= limits.jerk_max
+    if begins_within and is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
+        return wanted, ACCEPTED
+    kind = standing(plan, x, period, around, limits, gains)
+    if kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
+        kind = STOPPED
+    if kind == UNCERTIFIED:
+        plan["is_stored"] = False
+        return NOTHING, UNCERTIFIED
+    stop = tracking_snap(plan, x, period, gains, limits.snap_max)
+    # Off a stop that counts, errors alone may take the jerk that is seen over a stop's.
+    if is_wanted and (begins_within or kind == STOPPED):
+        for share in BLENDS:
+            blend = combined(stop, share, subtract(wanted, stop))
+            if accept(plan, x, blend, period, around.ahead, limits):
+                return blend, BLENDED
+    advance_stop(plan, period)
+    return stop, kind

@@ -1,0 +1,203 @@
+"""A whole stop in one hull: a quick, sufficient form of the certificate's test.
+
+The stop of ``shields.backup.certificate`` is linear in its scaled state (v − w) h, a h², j h³, with weights
+that are the same for every h. So its control points, three segments of five, are fixed combinations of these
+three vectors, and a plane has the stop on its far side if thirteen numbers are large enough. Where one plane
+does not do, the certificate looks again, piece by piece.
+"""
+
+import math
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
+from shields.backup.arcs import nearest_on_chord
+
+SEGMENTS = 3
+
+
+class Stop(NamedTuple):
+    """The scaled state of a stop (v − w) h, a h², j h³, and h, s."""
+
+    V: tuple
+    A: tuple
+    J: tuple
+    h: float
+
+
+# Shares of the derivatives 1 to 4, over the length of a segment, in its control points after the first.
+POINTS = tuple(
+    tuple(Fraction(math.comb(i, k), math.comb(4, k) * math.factorial(k)) for k in range(1, 5))
+    for i in range(1, 5)
+)
+
+
+def stop_weights() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of ((v − w) h, a h², j h³) in a dead-beat stop of three segments of length h.
+
+    Returns:
+        r − r(0) − w t at the control points (13, 3), r̈ h² at its own (7, 3), r⃛ h³ after the first and second
+        segment (2, 3), and the snaps times h⁴ (3, 3).
+    """
+    (v, a, j), r = (
+        np.array([[Fraction(int(i == k)) for k in range(3)] for i in range(3)]),
+        np.array([Fraction(0)] * 3),
+    )
+    position, acceleration, jerk, snaps = [r], [a], [], []
+    for _ in range(SEGMENTS):
+        s = -v - 2 * a - Fraction(11, 6) * j
+        position += [r + b1 * v + b2 * a + b3 * j + b4 * s for b1, b2, b3, b4 in POINTS]
+        acceleration += [a + j / 2, a + j + s / 2]
+        r, v, a, j = position[-1], v + a + j / 2 + s / 6, acceleration[-1], j + s
+        jerk.append(j)
+        snaps.append(s)
+    tables = (position, acceleration, jerk[:-1], snaps)
+    return tuple(np.array(table, dtype=np.float64) for table in tables)  # type: ignore[return-value]
+
+
+POSITION, ACCELERATION, JERK, SNAP = stop_weights()
+
+
+@inline_kernel
+def least_over_period(e0, e1, e2, e3, e4):
+    """The least control point of e0 + e1 θ + e2 θ² + e3 θ³ + e4 θ⁴ on [0, 1]."""
+    b1 = e0 + e1 / 4.0
+    b2 = e0 + e1 / 2.0 + e2 / 6.0
+    b3 = e0 + 0.75 * e1 + 0.5 * e2 + 0.25 * e3
+    return min(e0, b1, b2, b3, e0 + e1 + e2 + e3 + e4)
+
+
+@inline_kernel
+def point_of_stop(i, e0, drift, V, A, J):
+    """Control point i of a stop seen along a normal: e0 at its start, drift in every segment."""
+    return e0 + 0.25 * i * drift + POSITION[i, 0] * V + POSITION[i, 1] * A + POSITION[i, 2] * J
+
+
+@inline_kernel
+def least_over_stop(e0, drift, V, A, J):
+    """The least control point of a stop seen along a normal."""
+    # Four chains of minima side by side, not one.
+    a, b, c, d = e0, e0, e0, e0
+    for i in range(1, POSITION.shape[0], 4):
+        a = min(a, point_of_stop(i, e0, drift, V, A, J))
+        b = min(b, point_of_stop(i + 1, e0, drift, V, A, J))
+        c = min(c, point_of_stop(i + 2, e0, drift, V, A, J))
+        d = min(d, point_of_stop(i + 3, e0, drift, V, A, J))
+    return min(a, b, c, d)
+
+
+@inline_kernel
+def weighted(weights, i, stop):
+    """Row i of the weights on the scaled state of a stop."""
+    return combined(combined(scale(weights[i, 0], stop.V), weights[i, 1], stop.A), weights[i, 2], stop.J)
+
+
+@inline_kernel
+def scaled(x, h):
+    """The stop that begins at x: v h, a h², j h³."""
+    return Stop(scale(h, x.v), scale(h * h, x.a), scale(h * h * h, x.j), h)
+
+
+@inline_kernel
+def plane_separates(n, keep, gap, velocity, x, snap, after, stop, period):
+    """Whether the plane across n keeps the period and the stop after it away from a centre that moves."""
+    length, drift, d = norm(n), dot(n, velocity), period
+    least = least_over_period(
+        dot(n, gap),
+        d * (dot(n, x.v) - drift),
+        d * d / 2.0 * dot(n, x.a),
+        d * d * d / 6.0 * dot(n, x.j),
+        d * d * d * d / 24.0 * dot(n, snap),
+    )
+    start = dot(n, gap) + dot(n, subtract(after.r, x.r)) - d * drift
+    later = least_over_stop(start, -stop.h * drift, dot(n, stop.V), dot(n, stop.A), dot(n, stop.J))
+    # Through the centre there is no direction, and what has overflowed is not clear either.
+    return length > 0.0 and min(least, later) >= keep * length
+
+
+@inline_kernel
+def moves_away(gap, velocity, keep):
+    """Whether a sphere that moves on from a resting vehicle never comes nearer than that."""
+    speed = dot(velocity, velocity)
+    ahead = max(0.0, dot(gap, velocity) / speed) if speed > 0.0 else 0.0
+    return norm(combined(gap, -ahead, velocity)) >= keep
+
+
+@inline_kernel
+def spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share):
+    """Whether one plane for each sphere of row i keeps period and stop away from it, by a share of its radius.
+
+    The plane lies across the direction in which a straight flight to the end of the stop comes nearest.
+    """
+    end = add(after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
+    duration = period + SEGMENTS * stop.h
+    for k in range(radius.shape[1]):
+        if radius[i, k] > 0.0:
+            c, drift, keep = triple(center, i, k), triple(velocity, i, k), share * radius[i, k]
+            gap = subtract(x.r, c)
+            at_rest = combined(subtract(end, c), -duration, drift)
+            n = nearest_on_chord(gap, at_rest)
+            if not plane_separates(n, keep, gap, drift, x, snap, after, stop, period):
+                return False
+            if drift != (0.0, 0.0, 0.0) and not moves_away(at_rest, drift, keep):
+                return False
+    return True
+
+
+@inline_kernel
+def keeps_snap_and_jerk(after, stop, limits):
+    """Whether the snaps of the stop, and the jerk at the end of every segment, are short enough."""
+    h3 = stop.h * stop.h * stop.h
+    for i in range(SEGMENTS):
+        if not norm(weighted(SNAP, i, stop)) <= limits.stop_snap_max * h3 * stop.h:
+            return False
+    if limits.jerk_max == math.inf:
+        return True
+    first, second = norm(weighted(JERK, 0, stop)), norm(weighted(JERK, 1, stop))
+    return max(first, second) <= limits.jerk_max * h3 and norm(after.j) <= limits.jerk_max
+
+
+@inline_kernel
+def keeps_thrust(x, after, stop, period, band):
+    """Whether a level plane keeps the specific thrust above the floor, a ball keeps it below the ceiling."""
+    lift, middle = band.gravity, combined(x.a, period / 2.0, x.j)
+    least = min(x.a[2], middle[2], after.a[2])
+    square = 1.0 / (stop.h * stop.h)
+    for i in range(1, ACCELERATION.shape[0]):
+        least = min(least, square * weighted(ACCELERATION, i, stop)[2])
+    if not least + lift >= band.least:
+        return False
+    if band.most == math.inf:
+        return True
+    up = (0.0, 0.0, lift)
+    most = max(norm(add(x.a, up)), norm(add(middle, up)), norm(add(after.a, up)))
+    for i in range(1, ACCELERATION.shape[0]):
+        most = max(most, norm(combined(up, square, weighted(ACCELERATION, i, stop))))
+    return most <= band.most
+
+
+@kernel
+def is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
+    """Whether the period and the stop after it, with segments of length h, keep every limit: quick, sufficient.
+
+    Args:
+        i: the row.
+        x: flat state now.
+        snap: held for the period; no longer than its limit.
+        after: flat state after the period.
+        h: segment length, s.
+        period: s.
+        center, velocity, radius: the spheres of now, (N, K, 3), (N, K, 3), (N, K). Whole arrays, as every view
+            of a row is counted by its owner, which takes longer than the test.
+        share: distance to keep, in radii.
+        limits: ``FlightLimits``.
+    """
+    stop = scaled(after, h)
+    return (
+        keeps_snap_and_jerk(after, stop, limits)
+        and keeps_thrust(x, after, stop, period, limits.band)
+        and spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share)
+    )

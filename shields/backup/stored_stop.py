@@ -1,0 +1,114 @@
+"""The stop that a vehicle has in store: three held snaps to exact rest, and how it is flown.
+
+    s = −(v − w)/h³ − 2a/h² − 11j/(6h)
+
+computed at the start of each segment h, is dead-beat on (v, a, j): after three of them the vehicle rests in the
+frame that moves with w. Whether a stop is clear is not asked here (``shields.backup.certificate``).
+"""
+
+import numpy as np
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector, write3
+from shields.backup.arcs import Flat, flat_of, flown, write_flat
+from shields.backup.stop_hull import SEGMENTS
+
+# Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
+LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
+NOTHING = (0.0, 0.0, 0.0)
+
+# The stored stop of one vehicle; ``begin`` is the start of the segment that is flown.
+PLAN = np.dtype(
+    [
+        ("is_stored", "?"),
+        ("begin", "f8", (4, 3)),
+        ("snap", "f8", (3,)),
+        ("frame", "f8", (3,)),
+        ("periods", "i8"),
+        ("periods_left", "i8"),
+        ("segments_left", "i8"),
+        ("choice", "i8"),
+    ]
+)
+
+
+@inline_kernel
+def within_ball(u, radius):
+    """u, no longer than the radius."""
+    length = norm(u)
+    return u if length <= radius else scale(radius / length, u)
+
+
+@kernel
+def dead_beat_snap(x, frame, h):
+    """First snap of the stop: three such, each held for h, end in v = w, a = j = 0."""
+    slow = combined(scale(-2 / h**2, x.a), -11 / (6 * h), x.j)
+    return combined(slow, -1 / h**3, subtract(x.v, frame))
+
+
+@inline_kernel
+def periods_of(choice, period):
+    """Whole control periods in the segment length of that number."""
+    return max(1, round(LENGTHS[choice] / period))
+
+
+@kernel
+def write_stop(plan, x, frame, choice, period):
+    """Store the stop that begins at x."""
+    plan["is_stored"] = True
+    plan["choice"] = choice
+    plan["periods"] = periods_of(choice, period)
+    plan["segments_left"] = SEGMENTS
+    write3(plan["frame"], frame)
+    begin_segment(plan, x, period)
+
+
+@kernel
+def begin_segment(plan, x, period):
+    """Start the next segment of the stored stop at x; after the last one the vehicle rests in the frame."""
+    frame = vector(plan["frame"])
+    if plan["segments_left"] > 0:
+        write_flat(plan["begin"], x)
+        write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
+    else:
+        plan["periods"] = 1
+        write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
+        write3(plan["snap"], NOTHING)
+    plan["periods_left"] = plan["periods"]
+
+
+@inline_kernel
+def elapsed(plan, period):
+    """For how long the present segment has been flown."""
+    return (plan["periods"] - plan["periods_left"]) * period
+
+
+@kernel
+def reference(plan, period):
+    """Where the stored stop has the vehicle now."""
+    return flown(flat_of(plan["begin"]), vector(plan["snap"]), elapsed(plan, period))
+
+
+@kernel
+def advance_stop(plan, period):
+    """Move the stored stop on by one period."""
+    plan["periods_left"] -= 1
+    if plan["periods_left"] == 0:
+        x = reference(plan, period)
+        plan["segments_left"] = max(0, plan["segments_left"] - 1)
+        begin_segment(plan, x, period)
+
+
+@kernel
+def feedback(plan, x, period, gains):
+    """Snap that brings the vehicle back onto the stored stop."""
+    ref = reference(plan, period)
+    u = combined(scale(gains[0], subtract(ref.r, x.r)), gains[1], subtract(ref.v, x.v))
+    u = combined(u, gains[2], subtract(ref.a, x.a))
+    return combined(u, gains[3], subtract(ref.j, x.j))
+
+
+@kernel
+def tracking_snap(plan, x, period, gains, snap_max):
+    """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
+    return within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), snap_max)

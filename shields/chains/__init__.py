@@ -1,0 +1,1 @@
+"""Invariant sets of integrator chains in continuous time (Sections III to V of the paper)."""

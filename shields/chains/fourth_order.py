@@ -1,0 +1,137 @@
+"""The fourth order under one lower bound: g_4 and t_star, for one state or for rows that fill vector lanes.
+
+Under u_max the speed x_3 is a cubic in t. With ``s = t + B`` and the factor u_max / 6 taken out,
+
+    s³ + X s = ±Y        B = x_1/u,  X = 6 x_2/u - 3 B²,  Y = |2 B³ - 6 B x_2/u + 6 x_3/u|,  u = u_max
+
+One of its roots is never one of a close pair: ``s = ±m``, m the positive root for +Y. It is the least point
+of x_4 over all t, and so t_star, wherever it lies ahead. Otherwise only the largest root can be (Prop. 3).
+
+No branch is taken and no function called: m starts from the bits of X and Y and gets one step of Halley and
+one of Newton; a last step of Halley is for t itself, with the coefficients of the state. States for which a
+choice is within the error of m, and those whose powers may leave the range of floats, are told, and are left
+to the roots of the cubic one by one.
+"""
+
+import math
+
+import numpy as np
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.maths.minimum import better, margin
+from quadsafe_core.maths.polynomials import LARGEST, ROUNDING, cubic_roots
+
+# The bits of a float, read as an integer, are 2^52 (log2 + 1023), as if the logarithm were linear in between.
+OCTAVE = 2.0**52
+ONE = 1023.0 * OCTAVE
+# Asymptotes of m: Y^(1/3) and |X|^(1/2) for X < 0, Y^(1/3) and Y/X for X > 0. The shifts, in octaves, are those
+# that leave the least error after one step of Halley and one of Newton.
+CUBE_ABOVE, ROOT_ABOVE = ONE * 2.0 / 3.0 + 0.2299 * OCTAVE, ONE / 2.0 + 0.1557 * OCTAVE
+CUBE_BELOW, RATIO_BELOW = ONE * 2.0 / 3.0 - 0.1695 * OCTAVE, ONE - 0.8526 * OCTAVE
+TINY = ONE - 100.0 * OCTAVE
+# Choices closer than this share of m are left to the careful kernel; m itself is known to 5e-5.
+UNSURE = 2e-3
+
+
+@inline_kernel
+def _larger(a, b):
+    return a if a > b else b
+
+
+@inline_kernel
+def _smaller(a, b):
+    return a if a < b else b
+
+
+@inline_kernel
+def _bits(x):
+    return float(np.float64(x).view(np.int64))
+
+
+@inline_kernel
+def _estimate(X, Y):
+    """The positive root of ``m³ + X m = Y`` to within a factor 1.9, from the nearer asymptote."""
+    x, y = _bits(abs(X)), _bits(Y)
+    cube = y * (1.0 / 3.0)
+    above = _larger(cube + CUBE_ABOVE, 0.5 * x + ROOT_ABOVE)
+    below = _smaller(cube + CUBE_BELOW, y - x + RATIO_BELOW)
+    return float(np.int64(_larger(above if X < 0.0 else below, TINY)).view(np.float64))
+
+
+@inline_kernel
+def _isolated(X, Y):
+    """The positive root of ``m³ + X m = Y`` to within 5e-5: one step of Halley, one of Newton."""
+    m = _estimate(X, Y)
+    m2 = m * m
+    m = (m2 * (m * (3.0 * m2 - X) + 6.0 * Y) + X * Y) / (m2 * (6.0 * m2 + 3.0 * X) + X * X + 3.0 * Y * m)
+    m2 = m * m
+    return (2.0 * m * m2 + Y) / (3.0 * m2 + X)
+
+
+@inline_kernel
+def _stationary(x1, x2, x3, u_max):
+    """The stationary time that may be t_star, whether it may be higher than now, and whether that is sure."""
+    inverse = 1.0 / u_max
+    B, C, D = x1 * inverse, 2.0 * x2 * inverse, 3.0 * x3 * inverse
+    X, Q = 3.0 * (C - B * B), B * (B * B - 1.5 * C) + D
+    tie = ROUNDING * (abs(B) * (B * B + 1.5 * abs(C)) + abs(D))
+    m = _isolated(X, 2.0 * abs(Q))
+    isolated = math.copysign(m, tie - Q) - B
+    square = -0.75 * m * m - X
+    is_largest = (isolated < 0.0) & (tie < Q) & (square > 0.0)
+    t = 0.5 * m + math.sqrt(square) - B if is_largest else isolated
+    is_sure = (_smaller(abs(isolated), abs(t)) > UNSURE * m) & (abs(square) > UNSURE * m * m)
+    is_sure = is_sure & (m > 1e-25) & (u_max > 1e-200)
+    bend = 3.0 * (t + B)
+    slope = (bend + 3.0 * B) * t + 3.0 * C
+    speed = ((t + 3.0 * B) * t + 3.0 * C) * t + 2.0 * D
+    step = speed * slope / (slope * slope - speed * bend)
+    is_sure = is_sure & (abs(step) <= UNSURE * _smaller(abs(t), m))
+    return t - step, is_largest, is_sure
+
+
+@inline_kernel
+def _quick_lower4(x1, x2, x3, x4, u_max, bound):
+    """g_4 and t_star; a value of nan where that is not sure."""
+    t, is_largest, is_sure = _stationary(x1, x2, x3, u_max)
+    a, b, c = u_max * (1.0 / 24.0), x1 * (1.0 / 6.0), 0.5 * x2
+    rise = (((a * t + b) * t + c) * t + x3) * t
+    is_now = (t < 0.0) | (is_largest & (rise > 0.0))
+    value = (x4 - bound) + (0.0 if is_now else _smaller(rise, 0.0))
+    is_sure = is_sure & (abs(value) <= LARGEST)
+    return value if is_sure else math.nan, 0.0 if is_now else t
+
+
+@kernel
+def _careful_lower4(x1, x2, x3, x4, u_max, bound):
+    """(8) by Prop. 3, whatever the magnitudes."""
+    p = (u_max / 24.0, x1 / 6.0, 0.5 * x2, x3)
+    t1, _, t3 = cubic_roots(u_max / 6.0, 0.5 * x1, x2, x3)
+    rise, t_star = better(p, t1, 0.0, 0.0)
+    rise, t_star = better(p, t3, rise, t_star)
+    return margin(p, x4, bound, rise, t_star), t_star
+
+
+@kernel
+def lower4(x1, x2, x3, x4, u_max, bound):
+    """(8) by Prop. 3: g_4 and t_star."""
+    if x1 >= 0.0 and x2 >= 0.0 and x3 >= 0.0:
+        return x4 - bound, 0.0
+    value, t_star = _quick_lower4(x1, x2, x3, x4, u_max, bound)
+    if math.isnan(value):
+        return _careful_lower4(x1, x2, x3, x4, u_max, bound)
+    return value, t_star
+
+
+@kernel
+def lower4_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_4 and t_star of states (N, 4), flat."""
+    # Lanes are filled only from flat arrays with unsigned indices and a body without calls.
+    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+    for i in range(np.uint64(len(value))):
+        k = four * i
+        value[i], t_star[i] = _quick_lower4(x[k], x[k + one], x[k + two], x[k + three], u_max[i], bound[i])
+    for i in range(len(value)):
+        if math.isnan(value[i]):
+            k = 4 * i
+            value[i], t_star[i] = lower4(x[k], x[k + 1], x[k + 2], x[k + 3], u_max[i], bound[i])

@@ -1,0 +1,278 @@
+"""The sampled filter of an integrator under one bound: safe when the input is held for a period.
+
+A safe rate of g_n at an instant says nothing about the rest of the period. So let the input be U for one
+period Δ and u_max ever after, and let
+
+    G(U) = min over t >= 0 of x_n(t) - bound        x_n(t) = [flow(x, u_max, t)]_n - (u_max - U) w(t)
+    w(t) = (tⁿ - max(t - Δ, 0)ⁿ) / n!
+
+G is concave and nondecreasing, G(u_max) = g_n(x), and its slope is w at the minimiser. The filter asks for
+
+    G(U) >= (1 - γ) g_n(x),   γ = 1 - exp(-αΔ)
+
+which U = u_max meets in the set, always: feasible for ever, at any period, between samples too. Every
+t > 0 gives the bound U >= u_max - (flow - bound - (1 - γ) g_n) / w(t); Newton's method from the left takes
+the minimiser's, which cannot overshoot.
+
+Outside the set (g_n < 0) that may have no solution. There the tail, t >= Δ, has to reach (1 - γ) g_n, and
+the period itself must not dip below g_n, the dip that u_max would leave; the input may exceed u_max.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import finite_number, positive_number
+from quadsafe_core.kernels.borrow import borrowed
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.maths.polynomials import evaluate
+from shields.chains.rows import state_rows
+from shields.filters.held import (
+    derivatives,
+    held_lower,
+    lift_after,
+    lower,
+    lower_parts,
+    polynomial,
+    state_after,
+    stays_above,
+    weight,
+)
+
+# Error of a value in units of its largest terms.
+ROUNDING = 4e-15
+# Down to this share of its largest terms a negative g_n counts as 0: states drift that far along the boundary.
+DRIFT = 1e-12
+# From far below Newton gains a factor 4/3 a step where the time of least x_n jumps.
+ITERATIONS = 60
+# Newton for the input and the time at once doubles its digits: 2 to 5 rounds.
+ROUNDS = 10
+
+
+@inline_kernel
+def _size(p, t):
+    """Sum of the sizes of the terms of x_n(t)."""
+    return (((abs(p[0]) * t + abs(p[1])) * t + abs(p[2])) * t + abs(p[3])) * t + abs(p[4])
+
+
+@inline_kernel
+def _is_above(x4, x3, x2, x1, u_max, t):
+    """Whether no x_4 before, after or at the time t of the state is below 0; u_max is 0 but for order 4.
+
+    A time h later it is ``x_4 + x_3 h + h² (x_2/2 + x_1 h/6 + u_max h²/24)``, and the least of the bracket over
+    h >= -t makes that a parabola.
+    """
+    if 2.0 * x1 >= u_max * t:
+        least = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
+    else:
+        least = 0.5 * x2 - x1 * x1 / (6.0 * u_max)
+    if not x4 >= 0.0:
+        return False
+    if t > 0.0 or x3 < 0.0:
+        return least >= 0.0 and 4.0 * least * x4 >= x3 * x3
+    if least >= 0.0 or u_max == 0.0:
+        return least >= 0.0
+    # It rises, and the bracket is below 0 up to this time only.
+    ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / u_max
+    return x4 + ahead * (x3 + least * ahead) >= 0.0
+
+
+@kernel
+def _touching(order, x, p, t_star, period, u_max, target, lowest, highest):
+    """Newton for the input and the time at which its tail touches the target; whether that is certain.
+
+    No admissible input lies between ``lowest`` and the answer, certain or not.
+    """
+    y, lift = derivatives(order, x, u_max), lift_after(order, period)
+    u, t = lowest, max(t_star, period)
+    for _ in range(ROUNDS):
+        most = state_after(y, t)
+        slope = state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
+        noise = ROUNDING * _size(p, t)
+        room = most[3] - target
+        if room + noise < (u_max - u) * slope[3]:
+            u = u_max - (room - 2.0 * noise) / slope[3]
+            u += ROUNDING * abs(u)
+            if u >= highest:
+                return highest, True
+        lack = u_max - u
+        speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
+        room -= lack * slope[3] + noise
+        if _is_above(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
+            return u, True
+        if not bend > 0.0:
+            break
+        t = max(period, t - speed / bend)
+    return u, False
+
+
+@kernel
+def _needed_later(order, p, t, period, u_max, target):
+    """A bound on the input from times t, 2t, 4t, … as long as they raise it; ``p`` is x_n under u_max."""
+    best = -math.inf
+    for _ in range(ITERATIONS):
+        value, _, size = evaluate(p, t)
+        needed = u_max - (value - target + ROUNDING * size) / weight(order, t, period)
+        if not needed > best:
+            break
+        best, t = needed, 2.0 * t
+    return best
+
+
+@kernel
+def _rise_at(order, p, t, period, u, missing):
+    """Rise of U that lifts x_n(t) by ``missing`` and a rounding; 0 if nothing is missing."""
+    if missing <= 0.0:
+        return 0.0
+    return (missing + ROUNDING * _size(p, t)) / weight(order, t, period) + ROUNDING * abs(u)
+
+
+@kernel
+def _newton(order, x, p, u, period, u_max, dip_target, tail_target):
+    """The input itself where both parts reach their targets, otherwise Newton's next; u_max ends a dip."""
+    dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
+    dip_rise = _rise_at(order, p, t_dip, period, u, dip_target - dip)
+    tail_rise = _rise_at(order, p, t_tail, period, u, tail_target - tail)
+    return max(u + tail_rise, min(u + dip_rise, u_max))
+
+
+@kernel
+def _least_input(order, x, p, t, period, u_max, dip_target, tail_target, lowest, highest):
+    """Least input in ``[lowest, highest]`` that reaches the targets; ``highest`` where none is found."""
+    u = lowest
+    for k in range(ITERATIONS):
+        last = u
+        u = _newton(order, x, p, u, period, u_max, dip_target, tail_target)
+        if u == last:
+            return u
+        if k == 0:
+            u = max(u, _needed_later(order, p, t, period, u_max, tail_target))
+        if not u < highest:
+            break
+    return highest
+
+
+@kernel
+def required(order, x, u_max, bound, period, gamma, floor_input, input_max):
+    """Least held input from ``floor_input`` up that the filter admits, g_n, and whether x is in the set.
+
+    ``x`` as in ``held_lower``. No answer above ``floor_input`` exceeds u_max in the set, ``input_max`` outside.
+    """
+    drift = DRIFT * (abs(x[3]) + abs(bound))
+    x = (x[0], x[1], x[2], x[3] - bound)
+    value, t_star = lower(order, x, u_max)
+    p = polynomial(derivatives(order, x, u_max))
+    is_inside = value >= -(drift + DRIFT * _size(p, t_star))
+    dip_target = (1.0 - gamma) * value if value >= 0.0 else value
+    tail_target = dip_target if is_inside else (1.0 - gamma) * value
+    highest = u_max if is_inside else input_max
+    if floor_input >= highest:
+        return floor_input, value, is_inside
+    u, is_certain = _touching(order, x, p, t_star, period, u_max, tail_target, floor_input, highest)
+    noise = ROUNDING * _size(p, period)
+    if is_certain and (u == highest or stays_above(derivatives(order, x, u), period, dip_target + noise)):
+        return u, value, is_inside
+    t = max(t_star, period)
+    u = _least_input(order, x, p, t, period, u_max, dip_target, tail_target, u, highest)
+    return u, value, is_inside
+
+
+@inline_kernel
+def _padded(row):
+    n = row.shape[0]
+    return (
+        row[n - 4] if n > 3 else 0.0,
+        row[n - 3] if n > 2 else 0.0,
+        row[n - 2] if n > 1 else 0.0,
+        row[n - 1],
+    )
+
+
+@kernel
+def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
+    """Rows of ``held_lower``."""
+    x = borrowed(x)
+    for i in range(x.shape[0]):
+        value[i], t_star[i] = held_lower(x.shape[1], _padded(x[i]), u[i], period, u_max[i], bound[i])
+
+
+@kernel
+def sampled_input_batch(x, desired, u_max, bound, period, gamma, reserve, u, in_set):
+    """Rows of ``required``."""
+    x = borrowed(x)
+    for i in range(x.shape[0]):
+        u[i], _, in_set[i] = required(
+            x.shape[1], _padded(x[i]), u_max[i], bound[i], period, gamma, desired[i], reserve * u_max[i]
+        )
+
+
+def sampled_value(
+    x: ArrayLike, u: ArrayLike, period: float, u_max: ArrayLike, bound: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least margin G(u) = min over t ≥ 0 of x_n(t) − bound, the input being u for a period, then u_max.
+
+    Args:
+        x: (…, n) chain of order n = 1 … 4, highest derivative first, SI units.
+        u: (…) input held for the period, unit of dx_1/dt.
+        period: Δ > 0, s.
+        u_max: (…) largest input, > 0, unit of dx_1/dt.
+        bound: (…) lower bound on x_n, unit of x_n.
+
+    Returns:
+        (…) G(u), unit of x_n, and (…) its minimiser, s.
+
+    Raises:
+        ValueError: for wrong shapes, non-finite numbers, n > 4, or a period or u_max not above 0.
+    """
+    (states, inputs, u_maxs, bounds), leading = state_rows(x, u=u, u_max=u_max, bound=bound)
+    _check_order(states.shape[1])
+    value, t_star = np.empty_like(inputs), np.empty_like(inputs)
+    sampled_value_batch(states, inputs, u_maxs, bounds, positive_number("period", period), value, t_star)
+    return value.reshape(leading), t_star.reshape(leading)
+
+
+def sampled_input(
+    x: ArrayLike,
+    u_desired: ArrayLike,
+    period: float,
+    u_max: ArrayLike,
+    bound: ArrayLike,
+    alpha: float,
+    reserve: float = 3.0,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Least input u ≥ u_desired with G(u) ≥ exp(−αΔ) g_n(x): x_n keeps above its bound while u is held.
+
+    In the set (g_n ≥ 0) such an input exists at or below u_max, at every period, and again after it. Outside
+    the set g_n rises towards 0 at the rate α, or as fast as an input of ``reserve`` u_max can make it.
+
+    Args:
+        x: (…, n) chain of order n = 1 … 4, highest derivative first, SI units.
+        u_desired: (…) input to be changed as little as possible, unit of dx_1/dt.
+        period: Δ > 0, s, for which the input is held.
+        u_max: (…) largest input that the set counts on, > 0, unit of dx_1/dt.
+        bound: (…) lower bound on x_n, unit of x_n.
+        alpha: largest rate at which g_n may decay, > 0, 1/s.
+        reserve: largest input outside the set in units of u_max, ≥ 1.
+
+    Returns:
+        (…) the input, and (…) whether x is in the set.
+
+    Raises:
+        ValueError: for wrong shapes, non-finite numbers, n > 4, a reserve below 1, or a period, u_max or
+            alpha not above 0.
+    """
+    (states, wishes, u_maxs, bounds), leading = state_rows(x, u_desired=u_desired, u_max=u_max, bound=bound)
+    _check_order(states.shape[1])
+    period = positive_number("period", period)
+    gamma = -math.expm1(-positive_number("alpha", alpha) * period)
+    if finite_number("reserve", reserve) < 1.0:
+        raise ValueError(f"reserve must be a finite number >= 1, got {reserve!r}")
+    u, in_set = np.empty_like(wishes), np.empty(len(wishes), dtype=np.bool_)
+    sampled_input_batch(states, wishes, u_maxs, bounds, period, gamma, float(reserve), u, in_set)
+    return u.reshape(leading), in_set.reshape(leading)
+
+
+def _check_order(order: int) -> None:
+    if order > 4:
+        raise ValueError(f"x must have 1 to 4 entries in its last axis, got {order}")

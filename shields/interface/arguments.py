@@ -1,0 +1,104 @@
+"""What a shield is given, as arrays that its kernels take, and the sentences for what they do not take."""
+
+import math
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
+from shields.interface.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
+
+# A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
+# anything are surely milliseconds.
+LONGEST_PERIOD = 2.0  # s
+OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
+
+
+def as_array(value: ArrayLike) -> NDArray[np.float64]:
+    """C-ordered float64; what is not a number becomes an empty array, which no shape accepts."""
+    try:
+        array = real_array(value)
+    except (TypeError, ValueError, OverflowError):
+        return np.empty(0)
+    # A read-only array is another type to a kernel.
+    return array if array.flags.writeable else array.copy()
+
+
+def size_of(flat, center, radius, snap) -> tuple[int, int] | None:
+    """(N, K) if the shapes of a batch agree."""
+    if radius.ndim != 2:
+        return None
+    n, k = radius.shape
+    agrees = flat.shape == (n, 4, 3) and center.shape == (n, k, 3) and snap.shape == (n, 3)
+    return (n, k) if agrees and n > 0 else None
+
+
+def shape_error(*values: ArrayLike) -> ValueError:
+    """The sentence for shapes that do not agree; raises by itself if one is wrong on its own."""
+    arrays = [shaped_array(name, value, OWN_AXES[name]) for name, value in zip(OWN_AXES, values, strict=True)]
+    found = ", ".join(f"{name} {x.shape}" for name, x in zip(OWN_AXES, arrays, strict=True))
+    return ValueError(
+        f"flat (N, 4, 3), center (N, K, 3), radius (N, K), snap (N, 3) must agree in N and K, got {found}"
+    )
+
+
+def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
+    """The sentence for rows that a method does not take."""
+    measured = {"flat": flat, "center": center, "radius": radius, "velocity": velocity}
+    found = {name: array for name, array in measured.items() if array is not None}
+    if code == BAD_MEASUREMENT:
+        for name, array in found.items():
+            finite_array(name, array)
+        return ValueError(f"radius must be >= 0, got {radius.min()}")
+    if code == MOVING:
+        return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
+    if code == CROWDED:
+        most = np.count_nonzero(radius, axis=-1).max()
+        return ValueError(
+            f"method 'cbf' takes one obstacle, got {most} with radius > 0; several need method 'sampled'"
+        )
+    name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= LARGEST), "flat")
+    most = abs(found[name]).max()
+    return ValueError(f"{name} must be small enough for float64 arithmetic, got up to {most:g}")
+
+
+def unusable_rows(flat: NDArray, center: NDArray, radius: NDArray) -> NDArray[np.bool_]:
+    """The rows (N,) whose own measurements no method can use: not finite, too large, or a radius below 0."""
+    lengths = np.all(np.abs(flat) < LARGEST, axis=(1, 2)) & np.all(np.abs(center) < LARGEST, axis=(1, 2))
+    return np.logical_not(lengths & ((radius >= 0.0) & (radius < LARGEST)).all(axis=1))
+
+
+def row_error(i: int, flat: NDArray, center: NDArray, radius: NDArray) -> ValueError:
+    """The sentence for a row of ``unusable_rows``."""
+    row = flat[i], center[i], radius[i]
+    is_bad = not all(np.isfinite(array).all() for array in row) or (radius[i] < 0.0).any()
+    try:
+        return measurement_error(BAD_MEASUREMENT if is_bad else TOO_LARGE, *row, None)
+    except ValueError as error:
+        return error
+
+
+def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Velocities of the shape of the centres, with N in front."""
+    found = np.shape(velocity)
+    if math.prod(found) != math.prod(shape) or found[-2:] != shape[-2:]:
+        raise ValueError(f"velocity must have the shape of center, got {found}")
+    return as_array(shaped_array("velocity", velocity)).reshape(shape)
+
+
+def control_period(value: float) -> float:
+    """``value`` as a control period, s: above 0, and at most 2."""
+    period = positive_number("period", value)
+    if period > LONGEST_PERIOD:
+        raise ValueError(f"period must be in seconds and at most {LONGEST_PERIOD:g}, got {value!r}")
+    return period
+
+
+def check_no_acceleration(acceleration: ArrayLike, shape: tuple[int, ...]) -> None:
+    """Raise unless spheres of this shape of centres are said not to accelerate."""
+    found = finite_array("acceleration", acceleration)
+    if found.shape not in ((), shape):
+        raise ValueError(f"acceleration must have the shape of center, got {found.shape}")
+    if found.any():
+        raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")

@@ -1,0 +1,235 @@
+"""The safety filter of Section V-C, in closed form.
+
+    minimise |U − U_des|   subject to   ℒg_i(U) + α g_i ≥ 0   for i = 1 … 4                        (33)
+
+over the radial chain R, R1, R2, R3 with R4 = U. The set g_4 keeps R above the keep-out distance; g_3, g_2
+and g_1 keep R1, R2 and R3 above bounds of their own. With ℒg_i(U) = (U − ū) t*^{i−1}/(i−1)! each of them is
+a lower bound on U,
+
+    t* > 0           U ≥ ū − α g_i (i−1)!/t*^{i−1}
+    t* = 0, i ≥ 2    none
+    i = 1            U ≥ −α g_1
+
+so the solution is the largest of these and U_des: no programme is solved. Inside the sets it never exceeds ū.
+Outside it does, without limit as t* → 0, and that brings the state back; it is capped at ``input_max``.
+This is a statement about continuous time: held over a control period, the input can leave the sets. At rest
+inside the sphere t* = 0, and nothing is asked for: no way out is flown, only a value below 0 says where it is.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from quadsafe_core.checks import broadcast_rows, positive_number
+from quadsafe_core.kernels.borrow import carved, one_row
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import dot, subtract, triple
+from quadsafe_core.maths.feedback import held_gains
+from shields.chains.integrator import lower1, lower2, lower3, lower4, required_input
+from shields.chains.radial import radial_motion, shifted_snap
+from shields.interface.filtered import (
+    BAD_SHAPES,
+    BRAKING_POLE,
+    CROWDED,
+    DONE,
+    FACTS,
+    FLOATS,
+    MOVING,
+    OBSTACLE,
+    RESERVE,
+    TOO_LARGE,
+    VALUE,
+    Kernels,
+    answer,
+    checked_rows,
+    closing_bounds,
+    velocities_or,
+    wanted_snap,
+)
+
+CONSTANTS = 10
+
+
+class ClosingBounds(NamedTuple):
+    """Lower bounds of R1 (m/s), R2 (m/s²) and R3 (m/s³); −inf, which never binds, where there is none."""
+
+    speed: float = -math.inf
+    acceleration: float = -math.inf
+    jerk: float = -math.inf
+
+
+class Limits(NamedTuple):
+    """ū, the input that the sets count on; α, 1/s; U_max, where the required input is capped."""
+
+    u_max: float
+    alpha: float
+    input_max: float
+
+
+@inline_kernel
+def least_input(state, distance, bounds, limits):
+    """(33): the least U that every bound allows, and the least of their values."""
+    R, R1, R2, R3 = state
+    u_max, alpha = limits.u_max, limits.alpha
+    g4, t4 = lower4(R3, R2, R1, R, u_max, distance)
+    g3, t3 = lower3(R3, R2, R1, u_max, bounds.speed)
+    g2, t2 = lower2(R3, R2, u_max, bounds.acceleration)
+    g1, t1 = lower1(R3, bounds.jerk)
+    least = max(
+        required_input(4, t4, g4, u_max, alpha),
+        required_input(3, t3, g3, u_max, alpha),
+        required_input(2, t2, g2, u_max, alpha),
+        required_input(1, t1, g1, u_max, alpha),
+    )
+    return least, min(g4, g3, g2, g1)
+
+
+@inline_kernel
+def closest_input(state, U_des, distance, bounds, limits):
+    """(33): the input nearest to ``U_des`` that every bound allows, capped, and the least set value."""
+    least, value = least_input(state, distance, bounds, limits)
+    return max(U_des, min(least, limits.input_max)), value
+
+
+@inline_kernel
+def safe_snap(x, center, distance, snap, bounds, limits):
+    """Steps B, C and D of Section V for one sphere: the nearest safe snap, its U, and the least set value."""
+    r, v, a, j = x
+    state, n, T = radial_motion(subtract(r, center), v, a, j)
+    U_des = dot(n, snap) + T
+    U, value = closest_input(state, U_des, distance, bounds, limits)
+    return (snap if U_des == U else shifted_snap(snap, n, U - U_des)), U, value
+
+
+@inline_kernel
+def present_obstacle(i, radius):
+    """Index of the only sphere of row i with a radius above 0; −1 for none, −2 for several."""
+    found = -1
+    for k in range(radius.shape[1]):
+        if radius[i, k] > 0.0:
+            found = k if found == -1 else -2
+    return found
+
+
+@kernel
+def cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts):
+    """Filter row i; ``DONE``, or what is wrong with it.
+
+    ``constants``: keep-out distance per radius, the entries of ``ClosingBounds`` and ``Limits``, braking gains.
+    """
+    k, u_max = present_obstacle(i, radius), constants[4]
+    wanted = wanted_snap(i, flat, snap, (constants[7], constants[8], constants[9]), facts)
+    u = wanted
+    if k == -2:
+        return CROWDED
+    if k >= 0:
+        if triple(velocity, i, k) != (0.0, 0.0, 0.0):
+            return MOVING
+        bounds = ClosingBounds(constants[1], constants[2], constants[3])
+        limits = Limits(u_max, constants[5], constants[6])
+        x = (triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+        distance = constants[0] * radius[i, k]
+        u, U, facts[i, VALUE] = safe_snap(x, triple(center, i, k), distance, wanted, bounds, limits)
+        if u != wanted:
+            facts[i, OBSTACLE], facts[i, RESERVE] = k, max(0.0, U / u_max)
+    return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
+
+
+@kernel
+def cbf_batch(flat, center, radius, snap, velocity, memory, out):
+    """Rows of ``cbf_row``; the first code that is not ``DONE``. The memory: constants, velocities of 0."""
+    n, k = flat.shape[0], radius.shape[1]
+    if not (memory.shape[0] == CONSTANTS + 3 * n * k and out.shape[0] == (3 + FACTS) * n):
+        return BAD_SHAPES
+    moving = velocities_or(velocity, memory, 8 * CONSTANTS, n, k)
+    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
+    code = checked_rows(flat, center, radius, moving, snap, safe)
+    for i in range(n):
+        if code == DONE:
+            code = cbf_row(i, flat, center, radius, moving, snap, memory, safe, facts)
+    return code
+
+
+@kernel
+def cbf_one(flat, center, radius, snap, velocity, memory, out):
+    """``cbf_batch`` of one vehicle without the leading axis."""
+    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), velocity, memory, out)
+
+
+@kernel
+def closest_input_batch(state, U_des, distance, bounds, limits, U, value):
+    """Rows of ``closest_input``."""
+    for i in range(state.shape[0]):
+        x = (state[i, 0], state[i, 1], state[i, 2], state[i, 3])
+        U[i], value[i] = closest_input(x, U_des[i], distance[i], bounds, limits)
+
+
+def filtered_input(
+    state: ArrayLike, desired: ArrayLike, distance: ArrayLike, bounds: ClosingBounds, limits: Limits
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The radial input nearest to the desired one that satisfies (33) for every bound.
+
+    U = max(U_des, min(U_max, max_i(ū − α g_i (i−1)!/t*^{i−1})))
+
+    Args:
+        state: (…, 4) R m, R1 m/s, R2 m/s², R3 m/s³.
+        desired: (…) U_des, m/s⁴.
+        distance: (…) keep-out distance, the lower bound of R, m.
+        bounds: lower bounds of R1, R2, R3; ``ClosingBounds()`` for none.
+        limits: ū in m/s⁴, α in 1/s, U_max in m/s⁴ (``math.inf`` for no cap).
+
+    Returns:
+        U (…) in m/s⁴, and the least set value (…), at least 0 inside every set.
+
+    Raises:
+        ValueError: for wrong shapes or numbers.
+
+    Reference: equation (33), Lemmas 1 and 2.
+    """
+    (states, inputs, distances), leading = broadcast_rows(
+        state=(state, (4,)), desired=(desired, ()), distance=(distance, ())
+    )
+    U, value = np.empty(inputs.shape), np.empty(inputs.shape)
+    closest_input_batch(states, inputs, distances, _checked_bounds(bounds), _checked_limits(limits), U, value)
+    return U.reshape(leading), value.reshape(leading)
+
+
+class CbfMethod:
+    """Equation (33), one sphere per row; it remembers nothing."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        u_max = settings["snap_max"]
+        limits = Limits(u_max, settings["alpha"], settings["reserve"] * u_max)
+        self._constants = [1.0 + settings["margin"], *closing_bounds(settings), *limits]
+
+    def allocate(self, rows: int, obstacles: int) -> None:
+        """Room for the constants, and velocities of 0."""
+        self.memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
+
+    def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Nothing to forget."""
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Nothing to forget."""
+
+    def at(self, period: float) -> Kernels:
+        """What filters at a period."""
+        self.memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]
+        return Kernels(cbf_batch, cbf_one, (self.memory,))
+
+
+def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:
+    numbers = ClosingBounds(*map(float, bounds))
+    if not all(x < math.inf for x in numbers):
+        raise ValueError(f"bounds must be finite numbers or -inf, got {tuple(bounds)}")
+    return numbers
+
+
+def _checked_limits(limits: Limits) -> Limits:
+    u_max, alpha = positive_number("u_max", limits.u_max), positive_number("alpha", limits.alpha)
+    if not limits.input_max >= u_max:
+        raise ValueError(f"input_max must be at least u_max, got {limits.input_max} and {u_max}")
+    return Limits(u_max, alpha, float(limits.input_max))

@@ -1,0 +1,190 @@
+"""The half-space that keeps a vehicle outside one sphere for a period, and the choice of its direction.
+
+Along a fixed unit vector n, y = n·(r − c) is an exact fourth-order integrator, y⁗ = n·u, and y ≥ ρ keeps
+‖r − c‖ ≥ ρ. So the sampled filter on (n·j, n·a, n·v, y) is exact under a held snap and asks for
+``n·u ≥ U``. Every period n is chosen anew among
+
+    the last n                  admissible again, as long as the snap was flown and not capped
+    the line of sight
+    the direction of closest approach, if the vehicle flew straight on
+
+as the one in the invariant set of which the least correction is needed.
+
+Within an authority, n has no more acceleration than the thrust band leaves along it, and no more jerk than the
+vehicle can turn with: the chain is then kept in the braking set under these bounds
+(``shields.filters.braking_held``).
+"""
+
+import math
+from typing import NamedTuple
+
+from quadsafe_core.authority import Authority, acceleration_along
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
+from shields.chains.braking_arcs import BrakingBounds
+from shields.chains.radial import line_of_sight
+from shields.filters.braking_held import braking_held_input
+from shields.filters.sampled import required
+from shields.methods.easing import (
+    BORDER,
+    LET_GO,
+    REACH,
+    ROUNDING,
+    SLACK,
+    Easing,
+    easing_input,
+    flat_output,
+    is_in_cone,
+)
+
+# Beyond this the straight prediction says nothing, s.
+HORIZON = 2.0
+# In place of the −∞ of a state whose backup never comes to rest.
+LEAST = -1e300
+
+
+class Demand(NamedTuple):
+    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+
+    n: tuple
+    least: float
+    value: float
+    is_admissible: bool
+
+
+class Sampling(NamedTuple):
+    """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ, the authority that bounds jerk and acceleration.
+
+    Without an authority only the snap is bounded, and nothing of the braking set is compiled. With an easing a
+    slow vehicle comes to rest at the border (``shields.methods.easing``); without one the half-spaces are those
+    of g_4.
+    """
+
+    u_max: float
+    gamma: float
+    input_max: float
+    period: float
+    authority: Authority | None = None
+    easing: Easing | None = None
+
+
+@kernel
+def least_input(order, state, wanted, bound, sampling):
+    """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
+    if bound == -math.inf:
+        return wanted, math.inf, True
+    u_max, gamma, input_max, period, _, _ = sampling
+    return required(order, state, u_max, bound, period, gamma, wanted, input_max)
+
+
+@kernel
+def least_along(n, state, wanted, distance, sampling, authority):
+    """``least_input`` of the distance along n; under upper bounds on jerk and acceleration if there are any."""
+    if authority is None:
+        return least_input(4, state, wanted, distance, sampling)
+    reach = acceleration_along(n[2], authority)
+    bounds = BrakingBounds(distance, authority.jerk_max, reach, -authority.snap_max, authority.snap_max)
+    u, value, is_admissible = braking_held_input(state, wanted, bounds, sampling.period, sampling.gamma)
+    return max(u, wanted), max(value, LEAST), is_admissible
+
+
+@inline_kernel
+def above(state, distance):
+    """The chain relative to the distance to keep."""
+    return (state[0], state[1], state[2], state[3] - distance)
+
+
+@kernel
+def at_the_border(n, state, wish, distance, sampling, easing):
+    """``least_along`` of a vehicle that all but rests at the border: the law of the easing, and in the set."""
+    law = min(easing_input(above(state, distance), easing), sampling.u_max)
+    floor = max(wish, law, LET_GO * sampling.u_max)
+    kept = easing.within * distance - ROUNDING
+    undecayed = Sampling(sampling.u_max, 1.0, sampling.input_max, sampling.period, sampling.authority, None)
+    least, value, is_admissible = least_along(n, state, floor, kept, undecayed, sampling.authority)
+    return least, value - (distance - kept), is_admissible
+
+
+@kernel
+def near_the_border(n, state, wish, distance, sampling, easing):
+    """``eased_along`` where the law of the easing may matter."""
+    x, u_max, period = above(state, distance), sampling.u_max, sampling.period
+    if is_in_cone(x, -SLACK * u_max, BORDER * u_max, easing, period):
+        found = at_the_border(n, state, wish, distance, sampling, easing)
+        if found[2]:
+            return found
+    least, value, is_admissible = least_along(n, state, wish, distance, sampling, sampling.authority)
+    law = easing_input(x, easing)
+    if is_admissible and least < law <= u_max and is_in_cone(x, -SLACK * u_max, REACH * u_max, easing, period):
+        least = law
+    return least, value, is_admissible
+
+
+@kernel
+def eased_along(n, state, wish, distance, sampling, easing):
+    """``least_along`` that lets a slow vehicle come to rest at the border, by the law of an easing, if any."""
+    if easing is not None:
+        z = easing.feedback[0] * flat_output(above(state, distance), sampling.period)
+        if z <= REACH * sampling.u_max:
+            return near_the_border(n, state, wish, distance, sampling, easing)
+    return least_along(n, state, wish, distance, sampling, sampling.authority)
+
+
+@kernel
+def demand_along(n, x, wanted, distance, sampling):
+    """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
+    y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
+    wish = dot(n, wanted)
+    least, value, is_admissible = eased_along(n, y, wish, distance, sampling, sampling.easing)
+    return Demand(n, least, value, is_admissible)
+
+
+@inline_kernel
+def excess(demand, wanted):
+    """How far the wanted snap is outside the half-space, m/s⁴; 0 inside."""
+    return max(0.0, demand.least - dot(demand.n, wanted))
+
+
+@kernel
+def better(first, second, wanted):
+    """The demand to prefer: in its set, then with less correction; the first of equals."""
+    if first.is_admissible != second.is_admissible:
+        return first if first.is_admissible else second
+    if first.is_admissible:
+        return second if excess(second, wanted) < excess(first, wanted) else first
+    return second if second.value > first.value else first
+
+
+@kernel
+def closest_approach(x):
+    """From the sphere to the point of closest approach of a straight flight; the present point at rest."""
+    speed = dot(x.v, x.v)
+    ahead = min(HORIZON, max(0.0, -dot(x.r, x.v) / speed)) if speed > 0.0 else 0.0
+    return combined(x.r, ahead, x.v)
+
+
+@kernel
+def distance_demand(x, last, wanted, distance, sampling):
+    """The preferred half-space that keeps the distance; x is relative to the sphere, ``last`` its last n."""
+    demand = demand_along(line_of_sight(x.r)[1], x, wanted, distance, sampling)
+    if demand.is_admissible and excess(demand, wanted) == 0.0:
+        return demand
+    if dot(last, last) > 0.0:
+        demand = better(demand, demand_along(last, x, wanted, distance, sampling), wanted)
+        if demand.is_admissible and excess(demand, wanted) == 0.0:
+            return demand
+    ahead = closest_approach(x)
+    length = norm(ahead)
+    if length > 0.0:
+        demand = better(demand, demand_along(scale(1 / length, ahead), x, wanted, distance, sampling), wanted)
+    return demand
+
+
+@kernel
+def closing_along(n, x, wanted, closing, sampling):
+    """The least ``n·u``, from the wanted one up, that keeps closing speed, acceleration and jerk bounded."""
+    y1, y2, y3, U = dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, wanted)
+    speed, g3, holds3 = least_input(3, (0.0, y1, y2, y3), U, closing[0], sampling)
+    acceleration, g2, holds2 = least_input(2, (0.0, 0.0, y1, y2), U, closing[1], sampling)
+    jerk, g1, holds1 = least_input(1, (0.0, 0.0, 0.0, y1), U, closing[2], sampling)
+    return Demand(n, max(speed, acceleration, jerk), min(g3, g2, g1), holds3 and holds2 and holds1)

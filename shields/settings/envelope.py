@@ -1,0 +1,246 @@
+"""How hard a plant may be flown so that the error of its inner loop fits into a tube: the wrapper's numbers.
+
+A flight that keeps to a largest snap, a largest jerk and a least thrust is off the held snap by no more than
+the plant says (``quadsafe_core.flight_model``). The harder the flight, the larger that error, and the larger
+the part of a stop that the feedback against it takes. So the numbers are scaled down, the snaps by σ and the
+jerk by σ^(2/3), as a stop of a length h from the same speed needs snaps of h⁻³ and jerks of h⁻², until the
+tube takes no more than a share of the limits and no more distance than is worth having.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from quadsafe_core.authority import checked_authority
+from quadsafe_core.flight_model import FlightModel
+from shields.backup.arcs import ThrustBand
+from shields.backup.certificate import FlightLimits
+from shields.settings.shield_settings import FREE_NUMBERS
+from shields.settings.uncertainty import (
+    MOST_TAKEN,
+    NONE,
+    POLES,
+    Tube,
+    Uncertainty,
+    best_tube,
+    check_period,
+    checked_uncertainty,
+    predicted_error,
+    share_taken,
+    tube_at,
+)
+
+# Least thrust of a flight over hover, and how far above the thrust at which the plant crashes it is, as a share
+# of the way to hover: choices. The first bounds the body rate that a jerk asks for.
+THRUST_SHARE, ABOVE_FLOOR = 0.4, 0.25
+# Largest jerk over the least thrust at full numbers, rad/s: a choice, what short stops from 4 m/s ask for.
+BODY_RATE = 15.0
+# Longest snap that is flown over the longest of a stop: velocity commands ask for more on a reversal.
+HELD_OVER_STOP = 5.0 / 3.0
+# What the error of the inner loop may take: of a stop's snap, jerk and way to the thrust floor, and of room, m.
+MOST_SHARE, MOST_RADIUS = 1.0 / 3.0, 0.02
+# Physics rates are looked for up to so many times that of control.
+MOST_STEPS = 100
+# Steps of σ, down to numbers at which nothing moves.
+SCALES = tuple(0.8**k for k in range(32))
+NO_TUBE = Tube(np.zeros(4), 0.0, np.zeros(4), np.zeros(4))
+
+
+def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str, Any]:
+    """The settings, completed so that they hold for the plant's held snaps.
+
+    Args:
+        settings: those of ``Shield`` that were given.
+        model: the plant.
+
+    Raises:
+        ValueError: for a number that contradicts the plant on the unsafe side, or where no numbers will do.
+    """
+    told = checked_uncertainty(settings.get("uncertainty")) or NONE
+    given = settings.get("authority")
+    if given is None and model.authority is not None:
+        _refuse_free_numbers(settings)
+        given = model.authority
+    if given is None:
+        return _free_settings(settings, model, told)
+    whole = checked_authority("authority", given)
+    _check_authority(whole, model)
+    band = ThrustBand(whole.thrust_min, whole.thrust_max, whole.gravity)
+    limits = FlightLimits(whole.snap_max, whole.snap_max, whole.jerk_max, band)
+    error = _error(limits, model, model.physics_hz)
+    if not _fits(error, limits, told, 1.0 / model.control_hz, MOST_TAKEN):
+        raise _too_slow("authority", whole, [limits], model, told)
+    return {**settings, "authority": whole._asdict(), "uncertainty": _with_error(told, error)}
+
+
+def _declared(told: Uncertainty) -> str:
+    errors = {name: value for name, value in told._asdict().items() if value}
+    return f" with {errors}" if errors else ""
+
+
+WAYS_OUT = "inner_loop='measured' counts on the margin instead"
+
+
+def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> dict[str, Any]:
+    """The settings with gravity, thrust floor and ceiling of the plant.
+
+    Raises:
+        ValueError: for a number that contradicts the plant on the unsafe side.
+    """
+    if settings.get("authority") is not None:
+        _check_authority(checked_authority("authority", settings["authority"]), model)
+        return dict(settings)
+    floor = max(FREE_NUMBERS["thrust_min"], 1.01 * model.thrust_min)
+    own = {"gravity": model.gravity, "thrust_min": min(floor, 0.5 * (model.thrust_min + model.gravity))}
+    found = {**own, **{name: value for name, value in settings.items() if value is not None}}
+    _check_numbers(found, model)
+    return {**settings, **{name: found[name] for name in own}}
+
+
+def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dict[str, Any]:
+    given = {name: settings[name] for name in FREE_NUMBERS if settings.get(name) is not None}
+    _check_numbers(given, model)
+    candidates = list(_scaled(given, model))
+    # Errors that were told may take the rest of what errors may take at all.
+    shares = (MOST_SHARE,) if told == NONE else (MOST_SHARE, MOST_TAKEN)
+    for most, numbers in product(shares, candidates):
+        limits = _limits(numbers)
+        error = _error(limits, model, model.physics_hz)
+        if _fits(error, limits, told, 1.0 / model.control_hz, most):
+            return {**settings, **numbers, "uncertainty": _with_error(told, error)}
+    raise _too_slow("settings", given, map(_limits, candidates), model, told)
+
+
+def _error(limits: FlightLimits, model: FlightModel, physics_hz: int) -> float:
+    return model.snap_error(limits.snap_max, limits.jerk_max, limits.band.least, physics_hz)
+
+
+def _too_slow(
+    name: str, given: Any, candidates: Iterable[FlightLimits], model: FlightModel, told: Uncertainty
+) -> ValueError:
+    """The sentence for numbers that the inner loop does not follow, with the rate at which it does."""
+    tried, period, wanted = list(candidates), 1.0 / model.control_hz, "lower numbers or errors"
+    for steps in range(model.physics_hz // model.control_hz + 1, MOST_STEPS):
+        rate = steps * model.control_hz
+        if any(_fits(_error(limits, model, rate), limits, told, period, MOST_SHARE) for limits in tried):
+            wanted = f"physics_hz >= {rate}"
+            break
+    return ValueError(
+        f"{name} must be such that the inner loop follows, with {wanted} at control_hz = {model.control_hz}, "
+        f"got {given or 'none given'} at physics_hz = {model.physics_hz}{_declared(told)}; {WAYS_OUT}"
+    )
+
+
+def _scaled(given: Mapping[str, Any], model: FlightModel) -> Iterator[dict[str, Any]]:
+    """Full numbers, and ever smaller ones; what is given stays."""
+    above_floor = model.thrust_min + ABOVE_FLOOR * (model.gravity - model.thrust_min)
+    least = max(THRUST_SHARE * model.gravity, above_floor)
+    for scale in SCALES:
+        snap = given.get("snap_max", scale * FREE_NUMBERS["snap_max"])
+        reserve = given.get("reserve", FREE_NUMBERS["reserve"])
+        floor = given.get("thrust_min", least)
+        yield {
+            "gravity": model.gravity,
+            "snap_max": snap,
+            "reserve": reserve,
+            "held_snap_max": given.get("held_snap_max", HELD_OVER_STOP * snap * reserve),
+            "jerk_max": given.get("jerk_max", scale ** (2.0 / 3.0) * BODY_RATE * floor),
+            "thrust_min": floor,
+            "thrust_max": given.get("thrust_max", model.thrust_max),
+        }
+
+
+def _limits(numbers: Mapping[str, float]) -> FlightLimits:
+    band = ThrustBand(numbers["thrust_min"], numbers["thrust_max"], numbers["gravity"])
+    stop = numbers["snap_max"] * numbers["reserve"]
+    return FlightLimits(numbers["held_snap_max"], stop, numbers["jerk_max"], band)
+
+
+@cache
+def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
+    """The tubes of what was told, for every pole."""
+    error, added = predicted_error(told, check_period(period), 0.0)
+    return tuple(tube_at(pole, error, added, period) for pole in POLES)
+
+
+def _wider(base: Tube, unit: Tube, snap: float) -> Tube:
+    """A tube in which the snap may be off by more: all of it is linear in what is wrong."""
+    return Tube(
+        base.deviation + snap * unit.deviation,
+        base.feedback + snap * unit.feedback,
+        base.error + snap * unit.error,
+        base.gains,
+    )
+
+
+def _fits(error: float, limits: FlightLimits, told: Uncertainty, period: float, most: float) -> bool:
+    """Whether the inner loop's error alone, and all errors together, leave enough of limits and room."""
+    if not error < math.inf or not limits.band.least < limits.band.gravity:
+        return False
+    unit = tubes(Uncertainty(snap=1.0, delay=told.delay), period)
+    base = tubes(told._replace(snap=0.0, gain=0.0), period)
+    alone = best_tube([_wider(NO_TUBE._replace(gains=tube.gains), tube, error) for tube in unit], limits)
+    if alone is None or share_taken(alone, limits) > most or alone.deviation[0] > MOST_RADIUS:
+        return False
+    snap = max(error, told.snap) + told.gain * limits.snap_max
+    return best_tube([_wider(*pair, snap) for pair in zip(base, unit, strict=True)], limits) is not None
+
+
+def _with_error(told: Uncertainty, error: float) -> dict[str, Any]:
+    """The uncertainty with the error of the inner loop in it.
+
+    Raises:
+        ValueError: if less was told.
+    """
+    if told.snap == 0.0:
+        return told._replace(snap=error)._asdict()
+    if told.snap < error * (1.0 - 1e-9):
+        raise ValueError(
+            f"uncertainty.snap must hold the error of the inner loop, {error:.4g} m/s⁴, and what comes on top, "
+            f"got {told.snap:g}; {WAYS_OUT}"
+        )
+    return told._asdict()
+
+
+def _refuse_free_numbers(settings: Mapping[str, Any]) -> None:
+    for name in FREE_NUMBERS:
+        if settings.get(name) is not None:
+            raise ValueError(
+                f"{name} must be left out where the plant limits its rotors: the vehicle's authority counts, "
+                f"got {settings[name]!r}; {WAYS_OUT}"
+            )
+
+
+def _check_numbers(given: Mapping[str, Any], model: FlightModel) -> None:
+    """Given numbers against the plant's."""
+    _check_gravity("gravity", given.get("gravity", model.gravity), model)
+    least, most = given.get("thrust_min", math.inf), given.get("thrust_max", 0.0)
+    if not least > model.thrust_min:
+        raise ValueError(
+            f"thrust_min must be above {model.thrust_min:g} m/s², at which the plant crashes, got {least:g}"
+        )
+    if not most <= model.thrust_max * (1.0 + 1e-9):
+        raise ValueError(f"thrust_max must be at most the plant's {model.thrust_max:g} m/s², got {most:g}")
+
+
+def _check_gravity(name: str, value: float, model: FlightModel) -> None:
+    if not math.isclose(value, model.gravity, rel_tol=1e-9):
+        raise ValueError(f"{name} must be the plant's {model.gravity:g} m/s², got {value:g}")
+
+
+def _check_authority(whole, model: FlightModel) -> None:
+    """An authority against the plant's numbers."""
+    _check_gravity("authority.gravity", whole.gravity, model)
+    _check_numbers({"thrust_min": whole.thrust_min, "thrust_max": whole.thrust_max}, model)
+    own = model.authority
+    if own is not None and not (
+        whole.snap_max <= own.snap_max * (1 + 1e-9)
+        and whole.jerk_max <= own.jerk_max * (1 + 1e-9)
+        and whole.thrust_min >= own.thrust_min * (1 - 1e-9)
+        and whole.thrust_max <= own.thrust_max * (1 + 1e-9)
+    ):
+        raise ValueError(f"authority must be within the plant's {own}, got {whole}")

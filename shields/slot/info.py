@@ -1,0 +1,39 @@
+"""How ``info`` tells what a shield did: in a dictionary of its own, or flat, for loggers and tensor containers.
+
+| `info_format=` | one plant                 | N rows: the same, with masks                           |
+|----------------|---------------------------|--------------------------------------------------------|
+| `"nested"`     | `info["shield"]["value"]` | `info["_shield"]`, and `info["shield"]["_value"]`, …   |
+| `"flat"`       | `info["shield/value"]`    | `info["_shield/value"]`, …                             |
+"""
+
+from types import MappingProxyType
+from typing import Any
+
+from numpy.typing import NDArray
+
+from shields.slot.recorder import KEYS, MASKS
+
+FLAT_KEYS = MappingProxyType({key: f"shield/{key}" for key in KEYS})
+FLAT_NAMES = MappingProxyType({**FLAT_KEYS, **{mask: f"_shield/{mask[1:]}" for mask in MASKS}})
+
+
+def nested(summary: dict[str, Any], mask: NDArray | None = None) -> dict[str, Any]:
+    """Entries of an info, for the rows of ``mask`` or for the only one."""
+    return {"shield": summary} if mask is None else {"shield": summary, "_shield": mask}
+
+
+def flat(summary: dict[str, Any], mask: NDArray | None = None) -> dict[str, Any]:
+    """Entries of an info; the masks are in the summary of rows already."""
+    return {FLAT_NAMES[name]: value for name, value in summary.items()}
+
+
+INFO_FORMATS = MappingProxyType({"nested": nested, "flat": flat})
+
+
+def shield_in(info: dict[str, Any]) -> dict[str, Any] | None:
+    """What an info of either format tells of a shield, by its keys; None without one."""
+    if "shield" in info:
+        return info["shield"]
+    if FLAT_KEYS["value"] not in info:
+        return None
+    return {key: info[name] for key, name in FLAT_KEYS.items()}

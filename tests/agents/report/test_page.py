@@ -1,0 +1,123 @@
+"""report.html, made of the files of a run, and opened in a real browser."""
+
+import shutil
+import subprocess
+import sys
+
+import pytest
+from browser import Browser
+from made_run import made_run
+
+from agents.experiment.runs import open_run
+from agents.report.reporting import write_report
+
+FIGURES = ["learning", "violations", "forest", "clearance", "flights", "timeline"]
+CHROMIUM = shutil.which("chromium")
+# What is seen of each figure: traces with a line or a point, and the objects in its space.
+MARKS = """[...document.querySelectorAll('.js-plotly-plot')].map(figure => [
+    figure.id.replace('figure-', ''),
+    [...figure.querySelectorAll('.scatterlayer .trace')].filter(trace =>
+        [...trace.querySelectorAll('.js-line, .point')].some(path =>
+            path.getTotalLength() > 1 && parseFloat(getComputedStyle(path).strokeWidth) > 0)).length,
+    figure._fullLayout.scene ? figure._fullLayout.scene._scene.glplot.objects.length : 0])"""
+# Spheres are grey, the collision is red: anything but the white ground is a picture.
+PAINTED = """Plotly.toImage('figure-flights', {format: 'png', width: 400, height: 300}).then(address => {
+    const image = new Image();
+    return new Promise(done => { image.onload = () => {
+        const canvas = Object.assign(document.createElement('canvas'), {width: 400, height: 300});
+        const context = canvas.getContext('2d');
+        context.drawImage(image, 0, 0);
+        const {data} = context.getImageData(0, 0, 400, 300);
+        let painted = 0;
+        for (let i = 0; i < data.length; i += 4)
+            painted += data[i + 3] > 0 && Math.min(data[i], data[i + 1], data[i + 2]) < 225;
+        done(painted / 120000);
+    }; image.src = address; });
+})"""
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    arms = ("none", "collision-penalty", "shield", "shield-penalty", "cbf", "tracker", "random")
+    run = made_run(tmp_path_factory.mktemp("run"), arms)
+    write_report(run)
+    return run
+
+
+def test_the_report_is_made_again_from_the_raw_files_byte_for_byte(run, tmp_path):
+    made = ("seeds.csv", "results.csv", "results.txt", "report.html")
+    copy = tmp_path / "copy"
+    shutil.copytree(run.folder, copy, ignore=shutil.ignore_patterns(*made))
+    write_report(open_run(copy))
+    for name in made:
+        old, new = ((folder / name).read_text().replace(str(folder), "") for folder in (run.folder, copy))
+        assert old == new, name
+
+
+def test_the_page_holds_all_that_it_needs(run):
+    page = (run.folder / "report.html").read_text()
+    outside_scripts = "".join(part.split("</script>")[-1] for part in page.split("<script"))
+    assert "http" not in outside_scripts and " src=" not in outside_scripts and "@import" not in outside_scripts
+    assert len(page) < 6_000_000
+
+
+@pytest.mark.parametrize(
+    "having",
+    [
+        {"arms": ("none",), "n_seeds": 1},
+        {"is_flown": False, "is_traced": False},
+        {"arms": ("tracker",), "is_flown": False, "is_traced": False},
+    ],
+)
+def test_part_of_a_run_has_a_report_too(tmp_path, having):
+    write_report(made_run(tmp_path, **having))
+    assert "</html>" in (tmp_path / "report.html").read_text()
+
+
+def test_names_and_records_are_escaped(tmp_path):
+    run = made_run(tmp_path, n_seeds=1, is_flown=False, is_traced=False)
+    (tmp_path / "provenance.yml").write_text("note: <script>alert(1)</script> & more\n")
+    write_report(run)
+    assert "&lt;script&gt;alert(1)&lt;/script&gt; &amp; more" in (tmp_path / "report.html").read_text()
+
+
+def test_help_does_not_load_plotly():
+    code = "import sys, train; from agents import command_line; sys.exit('plotly' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+@pytest.mark.parametrize("width", [1200, 390])
+def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, tmp_path, width):
+    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
+        browser.open(run.folder / "report.html", width)
+        browser.until(f"document.querySelectorAll('.js-plotly-plot .main-svg').length >= {3 * len(FIGURES)}")
+        marks = {name: (traces, objects) for name, traces, objects in browser.ask(MARKS)}
+        painted = browser.ask(PAINTED)
+        pictures = [browser.screenshot(tmp_path / f"{name}.png", f"#figure-{name}") for name in FIGURES]
+        browser.screenshot(tmp_path / "page.png", "body")
+        scrolled = browser.ask("document.documentElement.scrollWidth")
+        assert browser.errors == []
+        assert browser.requests == [(run.folder / "report.html").as_uri()]
+    assert list(marks) == FIGURES
+    # Two spheres, three paths, three points.
+    assert marks.pop("flights")[1] >= 8 and painted > 0.05
+    # A line of each of five arms; of seven arms flown twice four points each, but no differences of the
+    # reference to itself, and a curve each; three snaps desired and applied, two clearances.
+    seen = {"learning": 5, "violations": 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7, "timeline": 2 * 3 + 2}
+    assert {name: traces for name, (traces, _) in marks.items()} == seen
+    assert all(picture.stat().st_size > 5_000 for picture in pictures)
+    assert scrolled <= width
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+def test_the_browser_tells_errors_and_requests(tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(
+        "<script>console.error('told')</script><img src='there_is_none.png'><script>fail()</script>"
+    )
+    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
+        browser.open(page, 800)
+        told = " ".join(browser.errors)
+        assert "told" in told and "fail is not defined" in told and "ERR_FILE_NOT_FOUND" in told
+        assert browser.requests == [page.as_uri(), (tmp_path / "there_is_none.png").as_uri()]

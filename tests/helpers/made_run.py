@@ -1,0 +1,96 @@
+"""A run folder with made-up episodes and flights, so that a report needs no training."""
+
+from pathlib import Path
+
+import numpy as np
+
+from agents.experiment.arms import ARMS
+from agents.experiment.config import Experiment, to_dict
+from agents.experiment.runs import Run, write_csv, write_json, write_text, write_yaml
+from agents.learn.episodes import EPISODE
+from agents.measure.evaluate import FLIGHT, held_out_scenes
+from agents.report.trace import HEADER, NO_SNAPS
+
+STEPS, EPISODES, FLIGHTS, PERIOD = 20_000, 120, 40, 0.04
+
+
+def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is_traced=True) -> Run:
+    """Without a shield every third episode collides or so, with it none."""
+    hyperparams = {"n_envs": 4}
+    experiment = Experiment(arms=tuple(arms), n_seeds=n_seeds, n_timesteps=STEPS, hyperparams=hyperparams)
+    run = Run(folder, experiment)
+    write_yaml(folder / "config.yml", to_dict(experiment))
+    for number, (arm, seed) in enumerate(experiment.jobs()):
+        rng = np.random.default_rng([number, seed])
+        if ARMS[arm].is_trained:
+            write_training(run, arm, seed, rng)
+        if is_flown:
+            write_flights(run, arm, seed, rng)
+    if is_traced:
+        write_trace(run)
+    return run
+
+
+def write_training(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:
+    ends = np.sort(rng.integers(1, STEPS, EPISODES))
+    episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng)
+    rows = [[end, *episode] for end, episode in zip(ends, episodes.tolist(), strict=True)]
+    write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(EPISODE.names or ())], rows)
+    told = {"timesteps": STEPS, "steps_per_second": 30_000 + seed, "seconds": 1.0}
+    write_json(run.folder_of(arm, seed) / "training.json", told)
+    write_text(run.folder_of(arm, seed) / "policy.pt", "")
+
+
+def write_flights(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:
+    rows = [
+        [is_shielded, scene, *episode]
+        for is_shielded in (False, True)
+        for scene, episode in zip(
+            held_out_scenes(FLIGHTS),
+            made_episodes(FLIGHTS, not is_shielded, is_shielded, rng).tolist(),
+            strict=True,
+        )
+    ]
+    write_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT.names or (), rows)
+
+
+def made_episodes(n: int, may_collide: bool, is_shielded: bool, rng: np.random.Generator):
+    episodes = np.zeros(n, EPISODE)
+    episodes["clearance"] = rng.uniform(-0.1 if may_collide else 0.001, 0.3, n)
+    episodes["violation"] = episodes["clearance"] < 0.0
+    episodes["cost"] = episodes["violation"]
+    episodes["is_success"] = ~episodes["violation"] & (rng.uniform(size=n) < 0.8)
+    episodes["timeout"] = ~episodes["violation"] & ~episodes["is_success"]
+    episodes["length"] = rng.integers(20, 250, n)
+    episodes["path"], episodes["return"] = 0.02 * episodes["length"], rng.normal(3.0, 1.0, n)
+    if is_shielded:
+        episodes["interventions"] = episodes["length"] // 5
+        episodes["segments"], episodes["correction"] = 2, 100.0 * episodes["interventions"]
+        episodes["largest_correction"] = 150.0
+    return episodes
+
+
+def write_trace(run: Run) -> None:
+    """Straight into the sphere without the shield, over it with the shield, which acts in two stretches."""
+    radius, rows = 0.5, []
+    for is_shielded, n in ((False, 16), (True, 30)):
+        x = np.linspace(-1.0, 1.0, 30)[: n + 1]
+        z = np.sqrt(np.maximum(0.55**2 - x**2, 0.0)) if is_shielded else np.zeros(len(x))
+        clearance = np.hypot(x, z) - radius
+        for i in range(n):
+            acts = is_shielded and (4 <= i < 10 or 12 <= i < 15)
+            snaps = (30.0, -20.0, 5.0, 10.0 * i, -20.0, 5.0) if is_shielded else NO_SNAPS
+            # The step ends where the next one starts; a flight is over when it collides.
+            least = min(clearance[i : i + 2]) if i + 1 < len(x) else clearance[i]
+            rows.append([is_shielded, round(i * PERIOD, 9), x[i], 0.0, z[i], *snaps, acts, least])
+            if least < 0.0:
+                break
+        last = min(i + 1, len(x) - 1)
+        rows.append([is_shielded, round((i + 1) * PERIOD, 9), x[last], 0.0, z[last], *NO_SNAPS, False, ""])
+    write_csv(run.folder / "trace.csv", HEADER, rows)
+    scene = {"start": [-1.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0], "center": [[0.0, 0.0, 0.0]]}
+    radii = {"keep_out_radius": [radius], "obstacle_radius": [radius - 0.06], "period": PERIOD}
+    arm = run.experiment.arms[0]
+    write_json(
+        run.folder / "trace.json", {"arm": arm, "seed": 0, "scene": held_out_scenes(1)[0], **scene, **radii}
+    )

@@ -1,0 +1,106 @@
+"""A borrowed array is the same memory, and leaves the reference count as it was."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from quadsafe_core.kernels.borrow import borrowed, carved, one_row
+from quadsafe_core.kernels.jit import kernel
+
+
+@kernel
+def doubled_sum(rows):
+    """Double every entry through borrowed rows, and add them up."""
+    rows, total = borrowed(rows), 0.0
+    for i in range(len(rows)):
+        row = rows[i]
+        for k in range(len(row)):
+            row[k] *= 2.0
+            total += row[k]
+    return total
+
+
+@pytest.mark.interpreted
+def test_a_borrowed_array_is_the_same_memory():
+    rows = np.ones((3, 4))
+    assert doubled_sum(rows) == 24.0 and (rows == 2.0).all()
+    assert borrowed(rows) is rows
+
+
+def test_borrowing_leaves_the_reference_count_alone():
+    rows = np.ones((3, 4))
+    doubled_sum(rows)
+    before = sys.getrefcount(rows)
+    for _ in range(100):
+        doubled_sum(rows)
+    assert sys.getrefcount(rows) == before
+
+
+def test_only_arrays_can_be_borrowed():
+    @kernel
+    def borrow(x):
+        return borrowed(x)
+
+    if hasattr(borrow, "py_func"):
+        with pytest.raises(Exception, match="borrowed"):
+            borrow(1.0)
+
+
+@kernel
+def scale_rows(rows, factor):
+    """Every entry of (1, …) rows times a factor; the shape of the rows."""
+    for i in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            for axis in range(rows.shape[2]):
+                rows[i, k, axis] *= factor
+    return rows.shape
+
+
+@kernel
+def scale_one(array, factor):
+    """``scale_rows`` of an array without the leading axis."""
+    return scale_rows(one_row(array), factor)
+
+
+@pytest.mark.interpreted
+def test_one_row_is_the_same_memory_with_a_leading_axis():
+    array = np.arange(12.0).reshape(4, 3)
+    before = sys.getrefcount(array)
+    assert scale_one(array, 2.0) == (1, 4, 3)
+    np.testing.assert_array_equal(array, 2.0 * np.arange(12.0).reshape(4, 3))
+    assert sys.getrefcount(array) == before
+    assert one_row(array).shape == (1, 4, 3) and np.shares_memory(one_row(array), array)
+
+
+KIND = np.dtype([("is_set", "?"), ("numbers", "f8", (2,))])
+FLOATS, RECORDS = np.zeros(0), np.zeros(0, dtype=KIND)
+
+
+@kernel
+def fill(memory, n):
+    """Write 0, 1, 2, … as (n, 2, 3) floats, and n records behind them."""
+    numbers, records = carved(memory, 0, FLOATS, (n, 2, 3)), carved(memory, 48 * n, RECORDS, (n,))
+    for i in range(n):
+        for k in range(2):
+            for axis in range(3):
+                numbers[i, k, axis] = 6 * i + 3 * k + axis
+        records[i]["is_set"] = i > 0
+        records[i]["numbers"][1] = -i
+    return numbers.shape
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("kind", [np.uint8, np.float64])
+def test_arrays_are_carved_out_of_one(kind):
+    n = 3
+    memory = np.zeros(200, dtype=np.uint8)[: (48 + KIND.itemsize) * n] if kind is np.uint8 else np.zeros(40)
+    assert fill(memory, n) == (3, 2, 3)
+    raw = memory.view(np.uint8)
+    np.testing.assert_array_equal(raw[: 48 * n].view(np.float64), np.arange(18.0))
+    records = raw[48 * n : (48 + KIND.itemsize) * n].view(KIND)
+    assert records["is_set"].tolist() == [False, True, True] and records["numbers"][:, 1].tolist() == [
+        0,
+        -1,
+        -2,
+    ]

@@ -1,0 +1,370 @@
+"""Parts of the sampled shield: distances of stops, limits of now, the backup, half-spaces as they enter."""
+
+import math
+
+import numpy as np
+import pytest
+
+from quadsafe_core.authority import Authority
+from quadsafe_core.maths.feedback import held_gains
+from shields import Shield
+from shields.backup.arcs import Flat, ThrustBand, flown
+from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits, standing
+from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
+from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
+from shields.filters.sampled import sampled_input
+from shields.interface.filtered import (
+    BRAKING_POLE,
+    FACTS,
+    IS_CERTIFIED,
+    IS_FALLBACK,
+    IS_REFUSED,
+    IS_STOPPED,
+    OBSTACLE,
+    RESERVE,
+    VALUE,
+    braking,
+)
+from shields.methods.authority_limits import limit_demand
+from shields.methods.easing import POLE
+from shields.methods.flight_bounds import RESERVED, bounds_of
+from shields.methods.halfspace import Demand, excess
+from shields.methods.nearest_snap import (
+    LIMITS,
+    Width,
+    choose_directions,
+    cut_as_chosen,
+    enter,
+    nearest_snap,
+    no_half_spaces,
+    note_demand,
+    shortened,
+)
+from shields.methods.sampled_shield import (
+    SETTINGS,
+    TRACKING_POLE,
+    around,
+    backup_snap,
+    limits_at,
+    note_kind,
+    packed,
+    places,
+    unpacked,
+)
+
+PERIOD, GRAVITY = 0.02, 9.81
+HOVER = Flat(*[(0.0, 0.0, 0.0)] * 4)
+VEHICLE = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20.0, gravity=GRAVITY)
+
+
+def settings_of(**given):
+    """The settings of a shield as its kernels see them."""
+    shield = Shield(**given)
+    bounds, gains = bounds_of(shield.settings), held_gains(4, TRACKING_POLE, PERIOD)
+    numbers, speed = packed(shield.settings, PERIOD, bounds, gains), given.get("max_closing_speed")
+    closing = None if speed is None else (-speed, -math.inf, -math.inf)
+    return unpacked(numbers, closing, bounds.authority, None)
+
+
+def spheres_at(*rows):
+    """Spheres from (center, radius), at rest: centers, velocities, radii."""
+    centers, radii = zip(*rows, strict=True)
+    return np.array(centers, float), np.zeros((len(rows), 3)), np.array(radii, float)
+
+
+def open_facts(rows=()):
+    facts = np.zeros((*rows, FACTS))
+    facts[..., VALUE], facts[..., OBSTACLE] = math.inf, -1.0
+    return facts
+
+
+@pytest.mark.interpreted
+def test_free_settings_arrive_where_they_are_read():
+    found = settings_of(snap_max=50.0, reserve=4.0, alpha=3.0, margin=0.1, thrust_min=2.0, gravity=9.0)
+    assert found.sampling[:5] == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
+    left = pytest.approx(1.0 - math.exp(-POLE * PERIOD))
+    assert found.sampling.easing == (tuple(held_gains(4, POLE, PERIOD)), left, pytest.approx(1.075 / 1.1))
+    assert found.limits == FlightLimits(math.inf, 200.0, math.inf, ThrustBand(2.0, math.inf, 9.0))
+    assert (found.margin, found.closing, found.is_free) == (0.1, None, True)
+    assert found.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
+    assert found.braking == tuple(held_gains(3, BRAKING_POLE, PERIOD))
+    assert found.recovery == tuple(held_gains(3, RECOVERY_POLE, PERIOD))
+    assert not settings_of(max_closing_speed=2.0).is_free
+
+
+@pytest.mark.interpreted
+def test_an_authority_arrives_with_a_reserve_for_the_feedback():
+    found, kept = settings_of(authority=VEHICLE), VEHICLE.less(RESERVED)
+    assert found.sampling[0] == kept.snap_max and found.sampling[2] == VEHICLE.snap_max
+    assert found.sampling.authority == kept and not found.is_free
+    band = ThrustBand(kept.thrust_min, kept.thrust_max, GRAVITY)
+    assert found.limits == FlightLimits(VEHICLE.snap_max, kept.snap_max, kept.jerk_max, band)
+
+
+@pytest.mark.interpreted
+def test_parts_of_the_memory_follow_each_other_without_overlap():
+    half_spaces, velocities, stops, size = places(5, 3)
+    assert half_spaces >= 8 * SETTINGS
+    assert velocities - half_spaces >= 8 * 5 * 3 * 4
+    assert stops - velocities >= 8 * 5 * 3 * 3
+    assert size - stops == 5 * PLAN.itemsize
+    assert all(place % 8 == 0 for place in (half_spaces, velocities, stops))
+
+
+@pytest.mark.interpreted
+def test_stops_keep_their_distance_but_where_the_vehicle_is_nearer():
+    plan = np.zeros(1, dtype=PLAN)[0]
+    write_stop(plan, HOVER, (0.0, 0.0, 0.0), 0, PERIOD)
+    x = HOVER._replace(r=(0.0, 0.01, 0.0))  # 1 cm off the stop
+    spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
+    ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, None)
+    # Half of the margin, or where the vehicle is; the radius and twice what it is off, wherever the stop is.
+    assert ahead.keep_out == pytest.approx([1.05, 1.005, 0.0], abs=1e-11)
+    assert stored.keep_out == pytest.approx([1.02, 1.02, 0.0], abs=2e-9)
+    assert bare.keep_out.tolist() == [1.0, 1.0, 0.0]
+    assert ahead.keep_out[1] < 1.005
+    for part in (ahead, stored, bare):
+        assert part.center is spheres[0] and part.velocity is spheres[1]
+
+
+@pytest.mark.interpreted
+def test_a_stop_that_counts_has_a_clear_tube_and_the_vehicle_in_it():
+    rng, counting, refused = np.random.default_rng(5), 0, 0
+    settings = settings_of()
+    for _ in range(600):
+        plan = np.zeros(1, dtype=PLAN)[0]
+        write_stop(plan, Flat(*(tuple(row) for row in rng.normal(size=(4, 3)) * 0.3)), NOTHING, 2, PERIOD)
+        for _ in range(int(rng.integers(5))):
+            advance_stop(plan, PERIOD)
+        ref, way = reference(plan, PERIOD), rng.normal(size=3)
+        off = rng.uniform(0.0, 0.01)
+        x = ref._replace(r=tuple(np.array(ref.r) + off * way / np.linalg.norm(way)))
+        side = rng.normal(size=3)
+        center = np.array(ref.r) + rng.uniform(0.49, 0.55) * side / np.linalg.norm(side)
+        spheres = spheres_at((center, 0.5))
+        kept = around(plan, x, spheres, 0.005, PERIOD, None)
+        if standing(plan, x, PERIOD, kept, settings.limits, settings.gains) != STOPPED:
+            refused += 1
+            continue
+        counting += 1
+        assert np.linalg.norm(np.array(x.r) - center) >= 0.5 + off - 1e-9
+        y, h = Flat(*(tuple(row) for row in plan["begin"])), int(plan["periods"]) * PERIOD
+        for _ in range(int(plan["segments_left"])):
+            snap = dead_beat_snap(y, NOTHING, h)
+            for t in np.linspace(0.0, h, 21):
+                assert np.linalg.norm(np.array(flown(y, snap, t).r) - center) >= 0.5 + 2 * off - 1e-9
+            y = flown(y, snap, h)
+    assert counting > 50 and refused > 50
+
+
+@pytest.mark.interpreted
+def test_in_a_tube_every_distance_is_kept_and_only_more_than_errors_counts_as_off():
+    plan = np.zeros(1, dtype=PLAN)[0]
+    write_stop(plan, HOVER, (0.0, 0.0, 0.0), 0, PERIOD)
+    x = HOVER._replace(r=(0.0, 0.05, 0.0))
+    spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
+    for estimate, off in ((0.06, 0.0), (0.02, 0.06)):
+        ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, Width(0.01, estimate))
+        assert ahead.keep_out == pytest.approx([1.05, 1.05, 0.0], abs=1e-12)
+        assert stored.keep_out == pytest.approx([1.0 + off, 1.0 + off, 0.0], abs=2e-9)
+        assert bare.keep_out == pytest.approx([0.99, 0.99, 0.0], abs=1e-12)
+
+
+@pytest.mark.interpreted
+def test_what_a_flight_begins_outside_of_may_get_no_worse():
+    limits = FlightLimits(380.0, 360.0, 40.0, ThrustBand(5.0, 19.0, GRAVITY))
+    assert limits_at(HOVER, limits, None) == limits
+    x = HOVER._replace(a=(0.0, 0.0, 12.0), j=(30.0, 40.0, 0.0))
+    found = limits_at(x, limits, None)
+    assert limits_at(x, limits, Width(0.0, 0.0)) == limits
+    assert found.jerk_max == pytest.approx(50.0, rel=1e-11) and found.jerk_max > 50.0
+    assert found.band.most == pytest.approx(21.81, rel=1e-11) and found.band.most > 21.81
+    assert found.band.least == 5.0 and found[:2] == (380.0, 360.0)
+    sinking = limits_at(HOVER._replace(a=(0.0, 0.0, -7.0)), limits, None).band
+    assert sinking.least == pytest.approx(2.81, rel=1e-11) and sinking.least < 2.81 and sinking.most == 19.0
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("kind", "is_outside", "expected"),
+    [
+        (ACCEPTED, True, (0, 0, 1, 0)),
+        (ACCEPTED, False, (0, 0, 0, 1)),
+        (BLENDED, True, (1, 0, 1, 0)),
+        (STOPPED, True, (1, 1, 1, 1)),
+        (ASTRAY, True, (1, 1, 0, 1)),
+        (UNCERTIFIED, True, (1, 0, 0, 1)),
+    ],
+)
+def test_what_was_flown_is_told(kind, is_outside, expected):
+    facts = open_facts()
+    note_kind(facts, kind, is_outside)
+    assert tuple(facts[[IS_REFUSED, IS_STOPPED, IS_CERTIFIED, IS_FALLBACK]]) == expected
+
+
+@pytest.mark.interpreted
+def test_the_backup_brakes_and_pushes_off():
+    settings, last = settings_of(), np.zeros((1, 4))
+    x, far = HOVER._replace(v=(1.0, 0.0, 0.0)), spheres_at(((9.0, 0.0, 0.0), 1.0))
+    last[0] = -1.0, 0.0, 0.0, -1e9
+    brake = braking(x.v, x.a, x.j, settings.braking)
+    assert backup_snap(x, far, last, settings, open_facts()) == brake and brake[0] < 0.0
+    # A sphere ahead asks for more than braking, and gets no more than that.
+    ahead, last[0] = spheres_at(((1.1, 0.0, 0.0), 1.0)), (-1.0, 0.0, 0.0, 0.0)
+    u, is_feasible = nearest_snap(x, brake, False, ahead, last, settings, open_facts())
+    assert is_feasible and u[0] < brake[0]
+    assert backup_snap(x, ahead, last, settings, open_facts()) == u
+    # Between two spheres that come from both sides and ask for opposite things: off the one that asks more.
+    both = spheres_at(((1.1, 0.0, 0.0), 1.0), ((-1.15, 0.0, 0.0), 1.0))
+    both[1][:, 0] = -4.0, 4.0
+    last = np.array([[-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+    facts = open_facts()
+    u = backup_snap(HOVER, both, last, settings, facts)
+    assert u == tuple(600.0 * last[int(facts[OBSTACLE]), :3]) and facts[OBSTACLE] in (0.0, 1.0)
+    # In a sphere: out of it, whatever else is near.
+    inside = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-1.05, 0.0, 0.0), 1.0))
+    u = backup_snap(HOVER, inside, last, settings, facts)
+    assert facts[OBSTACLE] == 0.0 and np.linalg.norm(u) == pytest.approx(settings.recovery[0] * RECOVERY_SPEED)
+    # No longer than the authority's snap.
+    bound = settings_of(authority=VEHICLE)
+    u = backup_snap(
+        HOVER._replace(v=(500.0, 0.0, 0.0)), spheres_at(((9.0, 0.0, 0.0), 0.0)), last, bound, open_facts()
+    )
+    assert np.linalg.norm(u) <= VEHICLE.snap_max * (1.0 + 1e-12)
+
+
+@pytest.mark.interpreted
+def test_a_half_space_enters_once_and_only_if_the_snap_is_outside():
+    spaces, u = no_half_spaces(2), (1.0, 0.0, 0.0)
+    assert spaces.normals.shape == (2 * 2 + LIMITS, 3) and (spaces.offsets == -math.inf).all()
+    inside, touched, outside = (Demand((1.0, 0.0, 0.0), least, 0.0, True) for least in (0.5, 1.0, 2.0))
+    assert not enter(spaces, 1, inside, u) and not enter(spaces, 1, touched, u)
+    assert spaces.offsets[1] == -math.inf
+    assert enter(spaces, 1, outside, u)
+    assert spaces.normals[1].tolist() == [1.0, 0.0, 0.0] and spaces.offsets[1] == 2.0
+    assert not enter(spaces, 1, outside._replace(least=3.0), u) and spaces.offsets[1] == 2.0
+
+
+@pytest.mark.interpreted
+def test_the_largest_correction_names_the_sphere_and_the_largest_input_is_the_reserve():
+    facts, u = open_facts(), (0.0, 0.0, 5.0)
+    first = note_demand(Demand((1.0, 0.0, 0.0), 3.0, 0.0, True), u, 4, 0.0, facts)
+    second = note_demand(Demand((0.0, 0.0, 1.0), 7.0, 0.0, True), u, 6, first, facts)
+    assert (first, second) == (3.0, 3.0)
+    assert facts[OBSTACLE] == 4.0 and facts[RESERVE] == 7.0
+    # The first of equals.
+    assert note_demand(Demand((0.0, 1.0, 0.0), 3.0, 0.0, True), u, 9, second, facts) == 3.0
+    assert facts[OBSTACLE] == 4.0
+
+
+@pytest.mark.interpreted
+def test_chosen_half_spaces_enter_as_they_were_remembered():
+    last = np.array([[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 9.0], [0.0, 0.0, 1.0, -1.0]])
+    spaces, facts = no_half_spaces(3), open_facts()
+    found = cut_as_chosen((0.0, 0.0, 0.0), np.array([1.0, 0.0, 1.0]), last, spaces, facts)
+    assert found == (True, 2.0) and facts[OBSTACLE] == 0.0
+    # The second sphere is absent, the third asks for nothing.
+    assert spaces.offsets[:3].tolist() == [2.0, -math.inf, -math.inf]
+
+
+@pytest.mark.interpreted
+def test_a_snap_is_shortened_along_the_way_to_the_least_one():
+    spaces = no_half_spaces(1)
+    spaces.normals[0], spaces.offsets[0] = (1.0, 0.0, 0.0), 3.0
+    assert shortened((3.0, 4.0, 0.0), spaces, 5.0) == (3.0, 4.0, 0.0)
+    # From (3, 8, 0) towards (3, 0, 0), to length 5.
+    assert shortened((3.0, 8.0, 0.0), spaces, 5.0) == pytest.approx((3.0, 4.0, 0.0), abs=1e-10)
+    # From (6, 4, 0) towards (3, 0, 0): 25 s² + 18 s = 16 where (3 + 3 s, 4 s) has the length 5.
+    s = (math.sqrt(18.0**2 + 4 * 25 * 16) - 18.0) / 50.0
+    assert shortened((6.0, 4.0, 0.0), spaces, 5.0) == pytest.approx((3.0 + 3.0 * s, 4.0 * s, 0.0), abs=1e-10)
+    # There is none of length 2 with x >= 3.
+    assert shortened((3.0, 8.0, 0.0), spaces, 2.0) == (3.0, 8.0, 0.0)
+
+
+@pytest.mark.interpreted
+def test_directions_values_and_where_the_vehicle_is():
+    settings = settings_of()
+    center, velocity, radius = (
+        x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0))
+    )
+    last, facts = np.zeros((1, 3, 4)), open_facts((1,))
+    rows = (center, velocity, radius, last, settings, facts)
+    assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
+    assert last[0, 0, :3].tolist() == [-1.0, 0.0, 0.0] and last[0, 1, :3].tolist() == [0.0, -1.0, 0.0]
+    assert facts[0, VALUE] == pytest.approx(2.0 - 1.005) and not last[0, 2].any()
+    # A snap straight at the first sphere is cut; inside of a sphere the vehicle is not outside of all.
+    assert choose_directions(0, HOVER, (1e6, 0.0, 0.0), *rows) == (True, True)
+    inside = HOVER._replace(r=(1.5, 0.0, 0.0))
+    assert not choose_directions(0, inside, (0.0, 0.0, 0.0), *rows)[1]
+    on_it = HOVER._replace(r=(1.0, 0.0, 0.0))
+    assert choose_directions(0, on_it, (0.0, 0.0, 0.0), *rows)[1]
+
+
+@pytest.mark.interpreted
+def test_the_nearest_snap_keeps_what_each_sphere_asks_for_and_changes_nothing_else():
+    settings = settings_of()
+    spheres = spheres_at(((1.5, 0.0, 0.0), 1.0), ((0.0, 1.4, 0.0), 1.0), ((0.0, 0.0, 0.0), 0.0))
+    last = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    calm = (-1.0, -2.0, 3.0)
+    facts = open_facts()
+    assert nearest_snap(HOVER, calm, False, spheres, last, settings, facts) == (calm, True)
+    assert (facts[RESERVE], facts[OBSTACLE]) == (0.0, -1.0)
+    wild = (1e5, 2e5, 7.0)
+    u, is_feasible = nearest_snap(HOVER, wild, False, spheres, last, settings, facts)
+    # The two directions are square to each other: each coordinate is what its sphere admits.
+    assert is_feasible and u[2] == 7.0 and facts[OBSTACLE] == 1.0
+    for k, axis in ((0, 0), (1, 1)):
+        distance = 1.5 - 0.1 * k
+        state = np.array([[0.0, 0.0, 0.0, distance]])
+        least = sampled_input(state, -wild[axis], PERIOD, 200.0, 1.005, 2.0)[0][0]
+        assert u[axis] == pytest.approx(-least)
+
+
+@pytest.mark.interpreted
+def test_the_nearest_snap_keeps_to_an_authority():
+    settings = settings_of(authority=VEHICLE)
+    spheres, last = spheres_at(((9.0, 0.0, 0.0), 0.0)), np.zeros((1, 4))
+    x = HOVER._replace(j=(38.0, 0.0, 0.0), a=(2.0, 0.0, 0.0))
+    facts = open_facts()
+    wanted = (1e4, 50.0, 20.0)
+    u, is_feasible = nearest_snap(x, wanted, False, spheres, last, settings, facts)
+    assert is_feasible and np.linalg.norm(u) <= VEHICLE.snap_max and facts[OBSTACLE] == -1.0
+    for limit in range(LIMITS):
+        demand = limit_demand(limit, x, u, settings.sampling, settings.sampling.authority)
+        assert excess(demand, u) <= 1e-6
+    jerk = np.array(x.j) + PERIOD * np.array(u)
+    assert np.linalg.norm(jerk) == pytest.approx(settings.limits.jerk_max, rel=1e-2)
+
+
+@pytest.mark.interpreted
+def test_a_bound_on_the_closing_speed_cuts_what_the_distance_admits():
+    settings = settings_of(max_closing_speed=1.0)
+    spheres, last = spheres_at(((50.0, 0.0, 0.0), 1.0)), np.array([[-1.0, 0.0, 0.0, 0.0]])
+    x, wanted = HOVER._replace(v=(0.9, 0.0, 0.0)), (2000.0, 1.0, 2.0)
+    assert nearest_snap(x, wanted, False, spheres, last, settings_of(), open_facts())[0] == wanted
+    facts = open_facts()
+    u, is_feasible = nearest_snap(x, wanted, False, spheres, last, settings, facts)
+    least = sampled_input(np.array([[0.0, 0.0, -0.9]]), -2000.0, PERIOD, 200.0, -1.0, 2.0)[0][0]
+    assert is_feasible and u == pytest.approx((-least, 1.0, 2.0))
+    assert facts[VALUE] == pytest.approx(0.1) and facts[OBSTACLE] == 0.0
+
+
+@pytest.mark.interpreted
+def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
+    flat = np.zeros((3, 4, 3))
+    flat[:, 1] = 0.1, 0.2, 0.3
+    center, radius = np.full((3, 2, 3), 2.0), np.ones((3, 2))
+    shield = Shield()
+    shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
+
+    def parts():
+        memory = shield.snapshot()["memory"]
+        half_spaces, velocities, stops, _ = places(3, 2)
+        return memory[half_spaces:velocities].view(float).reshape(3, -1), memory[stops:].view(PLAN)
+
+    before, plans = parts()
+    assert before[:, :3].any(axis=1).all() and plans["is_stored"].all()
+    shield.reset(np.array([False, True, False]))
+    after, plans = parts()
+    assert not after[1].any() and (after[[0, 2]] == before[[0, 2]]).all()
+    assert plans["is_stored"].tolist() == [True, False, True]
