@@ -82,7 +82,7 @@ def test_names_and_records_are_escaped(tmp_path):
 
 
 def test_help_does_not_load_plotly():
-    code = "import sys, train; from agents import command_line; sys.exit('plotly' in sys.modules)"
+    code = "import sys, train; from agents.experiment import command_line; sys.exit('plotly' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
