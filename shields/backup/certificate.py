@@ -18,22 +18,12 @@ from typing import NamedTuple
 from quadsafe_core.kernels.borrow import one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
-from shields.backup.arcs import (
-    CLEAR,
-    HIT,
-    Flat,
-    Spheres,
-    ThrustBand,
-    arc_is_clear,
-    flat_of,
-    flown,
-    look_at_arc,
-    rest_is_clear,
-)
-from shields.backup.stop_hull import SEGMENTS, is_clear_at_once
+from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
+from shields.backup.stop_hull import is_clear_at_once
 from shields.backup.stored_stop import (
     LENGTHS,
     NOTHING,
+    SEGMENTS,
     advance_stop,
     dead_beat_snap,
     elapsed,
@@ -42,6 +32,8 @@ from shields.backup.stored_stop import (
     tracking_snap,
     write_stop,
 )
+from shields.chains.flat_state import Flat, flat_of, flown
+from shields.interface.records import MovingSpheres, ThrustBand
 
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
@@ -49,24 +41,12 @@ ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
 ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
 
-class FlightLimits(NamedTuple):
-    """What a certified flight keeps.
-
-    The largest snap that is flown, and that a stop counts on, m/s⁴; the largest jerk, m/s³; the thrust band.
-    """
-
-    snap_max: float
-    stop_snap_max: float
-    jerk_max: float
-    band: ThrustBand
-
-
 class Distances(NamedTuple):
     """The spheres of one world at three distances: for a new stop, for the stored one, and bare."""
 
-    ahead: Spheres
-    stored: Spheres
-    bare: Spheres
+    ahead: MovingSpheres
+    stored: MovingSpheres
+    bare: MovingSpheres
 
 
 @kernel

@@ -15,8 +15,7 @@ import numpy as np
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
 from shields.backup.arcs import nearest_on_chord
-
-SEGMENTS = 3
+from shields.backup.stored_stop import SEGMENTS
 
 
 class Stop(NamedTuple):

@@ -10,9 +10,9 @@ import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector, write3
-from shields.backup.arcs import Flat, flat_of, flown, write_flat
-from shields.backup.stop_hull import SEGMENTS
+from shields.chains.flat_state import Flat, flat_of, flown, write_flat
 
+SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 NOTHING = (0.0, 0.0, 0.0)

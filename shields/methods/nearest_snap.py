@@ -11,11 +11,11 @@ import numpy as np
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, vector, write3
 from quadsafe_core.maths.projection import project
-from shields.backup.arcs import Flat
-from shields.backup.certificate import FlightLimits
 from shields.backup.stored_stop import NOTHING, within_ball
+from shields.chains.flat_state import Flat
 from shields.chains.radial import line_of_sight
 from shields.interface.filtered import OBSTACLE, RESERVE, VALUE
+from shields.interface.records import FlightLimits
 from shields.methods.authority_limits import LIMITS, limit_demand
 from shields.methods.halfspace import Demand, Sampling, closing_along, demand_along, distance_demand, excess
 

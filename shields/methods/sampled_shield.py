@@ -16,20 +16,19 @@ from quadsafe_core.kernels.borrow import borrowed, carved, one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, triple, vector
 from quadsafe_core.maths.feedback import held_gains
-from shields.backup.arcs import Flat, Spheres, ThrustBand
 from shields.backup.certificate import (
     ACCEPTED,
     ASTRAY,
     STOPPED,
     UNCERTIFIED,
     Distances,
-    FlightLimits,
     accept_at_once,
     certified_snap,
     one_vehicle,
 )
 from shields.backup.recovery import RECOVERY_POLE, is_within, recovery_snap
 from shields.backup.stored_stop import PLAN, reference, within_ball
+from shields.chains.flat_state import Flat
 from shields.interface.filtered import (
     BAD_SHAPES,
     BRAKING_POLE,
@@ -51,8 +50,9 @@ from shields.interface.filtered import (
     velocities_or,
     wanted_snap,
 )
+from shields.interface.records import FlightLimits, MovingSpheres, ThrustBand
 from shields.methods.easing import NUMBERS, easing_numbers, easing_of
-from shields.methods.flight_bounds import Bounds, bounds_of
+from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.halfspace import Sampling
 from shields.methods.nearest_snap import SLACK, JointSettings, choose_directions, nearest_snap
 
@@ -87,7 +87,9 @@ def around(plan, x, spheres, margin, period, tube):
                 stored[k] += 2 * max(off - tube.estimate, 0.0)
                 bare[k] -= tube.vehicle
     return Distances(
-        Spheres(center, velocity, ahead), Spheres(center, velocity, stored), Spheres(center, velocity, bare)
+        MovingSpheres(center, velocity, ahead),
+        MovingSpheres(center, velocity, stored),
+        MovingSpheres(center, velocity, bare),
     )
 
 
@@ -144,7 +146,7 @@ def careful_snap(x, wanted, is_wanted, is_chosen, spheres, last, plan, settings,
         return recovery_snap(x, spheres, settings, settings.tube, facts)[0], UNCERTIFIED
     period, share = settings.sampling.period, 1.0 + 0.5 * settings.margin
     nearest, is_feasible = nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts)
-    rows, is_tried = one_vehicle(Spheres(*spheres)), is_wanted and is_feasible and is_chosen
+    rows, is_tried = one_vehicle(MovingSpheres(*spheres)), is_wanted and is_feasible and is_chosen
     if is_tried and accept_at_once(0, plan, x, nearest, period, *rows, share, settings.limits):
         return nearest, ACCEPTED
     distances = around(plan, x, spheres, settings.margin, period, settings.tube)
@@ -261,7 +263,7 @@ class SampledMethod:
         gains = held_gains(4, TRACKING_POLE, period)
         return Kernels(joint_batch, joint_one, self._own(period, bounds, gains))
 
-    def _own(self, period: float, bounds: Bounds, gains: NDArray[np.float64]) -> tuple:
+    def _own(self, period: float, bounds: FlightBounds, gains: NDArray[np.float64]) -> tuple:
         """Memory with the settings of a period in it, bounds of closing motion, authority."""
         # A stop is stored in whole periods: of another length it would be another stop.
         self._parts()[1]["is_stored"] = False
@@ -280,7 +282,7 @@ class SampledMethod:
 
 
 def packed(
-    settings: Mapping[str, Any], period: float, bounds: Bounds, gains: NDArray[np.float64]
+    settings: Mapping[str, Any], period: float, bounds: FlightBounds, gains: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The settings of a shield at a control period, s, for ``unpacked``: arrays cross into a kernel quickly."""
     sampling = (bounds.u_max, -math.expm1(-settings["alpha"] * period), bounds.input_max, period)

@@ -16,9 +16,10 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, carved, one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, triple, vector, write3
-from shields.backup.arcs import CLEAR, HIT, Flat, Spheres, flat_of, flown, look_at_arc, write_flat
+from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
 from shields.backup.stored_stop import PLAN, advance_stop, tracking_snap, within_ball
+from shields.chains.flat_state import Flat, flat_of, flown, write_flat
 from shields.interface.filtered import (
     BAD_SHAPES,
     DONE,
@@ -31,7 +32,8 @@ from shields.interface.filtered import (
     checked_rows,
     velocities_or,
 )
-from shields.methods.flight_bounds import Bounds, bounds_of
+from shields.interface.records import MovingSpheres
+from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.nearest_snap import Width
 from shields.methods.sampled_shield import (
     PLAN_BYTES,
@@ -111,7 +113,7 @@ def is_here_clear(i, flat, pending, chain, given, width, period):
     for k in range(count):
         if radius[i, k] > 0.0:
             keep_out[k] = max(radius[i, k] - error, 0.0) if is_chained else radius[i, k] + error
-    spheres = Spheres(center[i], velocity[i], keep_out)
+    spheres = MovingSpheres(center[i], velocity[i], keep_out)
     for answer in range(delay):
         snap = triple(pending, i, answer)
         found = look_at_arc(x, snap, answer * period, period, spheres, ANY_THRUST)
@@ -247,11 +249,11 @@ class TubedMethod(SampledMethod):
         return out
 
 
-def in_the(tube: Tube, bounds: Bounds) -> Bounds:
+def in_the(tube: Tube, bounds: FlightBounds) -> FlightBounds:
     """What half-spaces and stops count on, so that a vehicle in the tube keeps to the bounds."""
     limits = tightened(bounds.limits, tube)
     if bounds.authority is None:
         return bounds._replace(limits=limits)
     band = limits.band
     authority = Authority(limits.stop_snap_max, limits.jerk_max, band.least, band.most, band.gravity)
-    return Bounds(authority.snap_max, bounds.input_max, limits, authority)
+    return FlightBounds(authority.snap_max, bounds.input_max, limits, authority)

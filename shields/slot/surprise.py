@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple, vector, write3
-from shields.backup.arcs import Flat, flown
+from shields.chains.flat_state import Flat, flown
 from shields.settings.uncertainty import Uncertainty, chain_over, predicted_error
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).

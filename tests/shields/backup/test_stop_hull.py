@@ -7,13 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.backup.arcs import Flat, ThrustBand, acceleration_points, flown, position_points
-from shields.backup.certificate import FlightLimits
+from shields.backup.arcs import acceleration_points, position_points
 from shields.backup.stop_hull import (
     ACCELERATION,
     JERK,
     POSITION,
-    SEGMENTS,
     SNAP,
     is_clear_at_once,
     keeps_snap_and_jerk,
@@ -23,7 +21,9 @@ from shields.backup.stop_hull import (
     scaled,
     spheres_are_clear,
 )
-from shields.backup.stored_stop import NOTHING, dead_beat_snap
+from shields.backup.stored_stop import NOTHING, SEGMENTS, dead_beat_snap
+from shields.chains.flat_state import Flat, flown
+from shields.interface.records import FlightLimits, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.02
 SEEDS = st.integers(0, 2**32 - 1)

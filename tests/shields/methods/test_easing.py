@@ -11,7 +11,7 @@ import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.maths.feedback import held_gains
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
-from shields.backup.arcs import Flat, flown
+from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_value
 from shields.methods.easing import (
     POLE,

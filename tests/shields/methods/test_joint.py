@@ -8,10 +8,10 @@ import pytest
 from quadsafe_core.authority import Authority
 from quadsafe_core.maths.feedback import held_gains
 from shields import Shield
-from shields.backup.arcs import Flat, ThrustBand, flown
-from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits, standing
+from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, standing
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
+from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_input
 from shields.interface.filtered import (
     BRAKING_POLE,
@@ -25,6 +25,7 @@ from shields.interface.filtered import (
     VALUE,
     braking,
 )
+from shields.interface.records import FlightLimits, ThrustBand
 from shields.methods.authority_limits import limit_demand
 from shields.methods.easing import POLE
 from shields.methods.flight_bounds import RESERVED, bounds_of
