@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from shields.chains.capped_third_order import capped3, least_corner_x2
 from shields.chains.composite import BoxSet
-from shields.chains.integrator import lower3
+from shields.chains.lower_bound import lower3
 from shields.chains.maximality import BoxBounds
 
 Array = NDArray[np.float64]

@@ -28,7 +28,8 @@ from quadsafe_core.kernels.borrow import carved, one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import dot, subtract, triple
 from quadsafe_core.maths.feedback import held_gains
-from shields.chains.integrator import lower1, lower2, lower3, lower4, required_input
+from shields.chains.integrator import lower4, required_input
+from shields.chains.lower_bound import lower1, lower2, lower3
 from shields.chains.radial import radial_motion, shifted_snap
 from shields.interface.filtered import (
     BAD_SHAPES,

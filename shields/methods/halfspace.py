@@ -23,7 +23,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
 from shields.chains.braking_arcs import BrakingBounds
 from shields.chains.radial import line_of_sight
-from shields.filters.braking_held import braking_held_input
+from shields.filters.braking_backup import braking_held_input
 from shields.filters.sampled import required
 from shields.methods.easing import (
     BORDER,
@@ -73,8 +73,7 @@ def least_input(order, state, wanted, bound, sampling):
     """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
     if bound == -math.inf:
         return wanted, math.inf, True
-    u_max, gamma, input_max, period, _, _ = sampling
-    return required(order, state, u_max, bound, period, gamma, wanted, input_max)
+    return required(order, state, bound, wanted, sampling)
 
 
 @kernel

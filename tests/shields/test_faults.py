@@ -13,7 +13,7 @@ from quadsafe_core.maths.feedback import held_gains
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_state
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking_arcs import BrakingBounds
-from shields.filters.braking_held import rising_periods
+from shields.filters.braking_backup import rising_periods
 from shields.filters.held_rest import Box, climbing_periods
 from shields.methods.tube_shield import tubed_places
 from shields.slot.recorder import Recorder
