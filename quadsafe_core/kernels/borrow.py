@@ -5,10 +5,11 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numba.core import cgutils, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, register_jitable
 from numba.np.arrayobj import make_array, populate_array
 
 A = TypeVar("A")
+BYTES = np.zeros(0, dtype=np.uint8)
 
 
 def borrowed(array: A) -> A:
@@ -121,3 +122,10 @@ def _carved(memory, start, like, shape):
         return _view_from(memory, start, like, shape)  # pyright: ignore[reportCallIssue]
 
     return build
+
+
+@register_jitable
+def taken(memory: Any, like: Any, shape: tuple[int, ...]) -> tuple[Any, Any]:
+    """The first part of flat memory, C-ordered, of the type of ``like``, and the bytes behind it; borrowed."""
+    part = carved(memory, 0, like, shape)
+    return part, carved(memory, part.nbytes, BYTES, (memory.nbytes - part.nbytes,))

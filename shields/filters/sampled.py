@@ -172,8 +172,10 @@ def required(order, x, bound, floor_input, held):
     """Least held input from ``floor_input`` up that the filter admits, g_n, and whether x is in the set.
 
     ``x`` as in ``held_lower``; ``held`` has the fields of ``Held``. No answer above ``floor_input`` exceeds
-    u_max in the set, ``input_max`` outside.
+    u_max in the set, ``input_max`` outside. A bound of −∞ asks for nothing.
     """
+    if bound == -math.inf:
+        return floor_input, math.inf, True
     u_max, period, gamma = held.u_max, held.period, held.gamma
     drift = DRIFT * (abs(x[3]) + abs(bound))
     x = (x[0], x[1], x[2], x[3] - bound)

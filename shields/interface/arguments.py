@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
-from shields.interface.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
+from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.

@@ -1,4 +1,7 @@
-"""What kernels pass to each other: spheres of one world, and what a certified flight keeps to."""
+"""What kernels pass to each other: what was measured, what is answered, what a certified flight keeps to.
+
+Arrays in tuples are for kernels alone: from Python they would take microseconds to cross.
+"""
 
 from typing import NamedTuple
 
@@ -19,6 +22,41 @@ class MovingSpheres(NamedTuple):
     center: np.ndarray
     velocity: np.ndarray
     keep_out: np.ndarray
+
+
+class Obstacles(NamedTuple):
+    """The spheres of N worlds: centres (N, K, 3), m, velocities (N, K, 3), m/s, radii (N, K), m, 0 for none.
+
+    Whole arrays, as every view of a row is counted by its owner, which takes longer than a quick test.
+    """
+
+    center: np.ndarray
+    velocity: np.ndarray
+    radius: np.ndarray
+
+
+class Measured(NamedTuple):
+    """What a shield is given: flat states (N, 4, 3), SI, the spheres, the desired snaps (N, 3), m/s⁴."""
+
+    flat: np.ndarray
+    spheres: Obstacles
+    snap: np.ndarray
+
+
+class Answers(NamedTuple):
+    """What it answers with: safe snaps (N, 3), m/s⁴, and for each row the facts (N,) of ``Filtered``."""
+
+    safe: np.ndarray
+    facts: np.ndarray
+
+
+class Demand(NamedTuple):
+    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+
+    n: tuple
+    least: float
+    value: float
+    is_admissible: bool
 
 
 class FlightLimits(NamedTuple):
