@@ -13,6 +13,9 @@ from quadsafe_core.kernels.jit import compiling
 from shields.interface.arguments import (
     as_array,
     check_no_acceleration,
+    check_snapshot,
+    checked_mask,
+    checked_memory,
     control_period,
     measurement_error,
     shape_error,
@@ -22,23 +25,13 @@ from shields.interface.arguments import (
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BAD_SHAPES, DONE
 from shields.methods.cbf_shield import CbfMethod
-from shields.methods.flight_bounds import bounds_of
 from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
 from shields.methods.tube_shield import TubeMethod
 from shields.settings.shield_settings import checked_settings
-from shields.settings.uncertainty import Uncertainty, checked_uncertainty
-from shields.slot.surprise import expectation
+from shields.settings.uncertainty import Uncertainty
 
-SNAPSHOT = {"memory", "size", "period", "is_single"}
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
-
-
-def made_method(settings: Mapping[str, Any]) -> Method:
-    """The method of these settings."""
-    if settings["uncertainty"] is not None:
-        return TubeMethod(settings)
-    return METHODS[settings["method"]](settings)
 
 
 class Shield:
@@ -134,7 +127,8 @@ class Shield:
             max_closing_acceleration=max_closing_acceleration,
             max_closing_jerk=max_closing_jerk,
         )
-        self._method = made_method(self._settings)
+        has_errors = self._settings["uncertainty"] is not None
+        self._method: Method = (TubeMethod if has_errors else METHODS[method])(self._settings)
         self._size: tuple[int, int] | None = None
         self._period = math.nan
         self._kernel: FilterKernel
@@ -237,14 +231,9 @@ class Shield:
         if mask is None:
             self._size, self._period = None, math.nan
             return
-        rows = np.asarray(mask)
-        if rows.ndim != 1 or rows.dtype != np.bool_:
-            raise ValueError(f"mask must be booleans of shape (N,), got {rows.dtype} of shape {rows.shape}")
-        if self._size is None:
-            return
-        if rows.shape[0] != self._size[0]:
-            raise ValueError(f"mask must have shape ({self._size[0]},), got {rows.shape}")
-        self._method.forget(rows)
+        rows = checked_mask(mask, None if self._size is None else self._size[:1])
+        if self._size is not None:
+            self._method.forget(rows)
 
     def backup(self, mask: ArrayLike) -> NDArray[np.float64]:
         """What the vehicle flies where the last answer was lost: the stop that was stored before it.
@@ -267,23 +256,13 @@ class Shield:
             )
         if self._size is None:
             raise ValueError("backup must follow a call of filter, got none since the last reset()")
-        rows = np.asarray(mask)
-        if rows.shape != self._leading or rows.dtype != np.bool_:
-            raise ValueError(
-                f"mask must be booleans of shape {self._leading}, got {rows.dtype} of shape {rows.shape}"
-            )
+        rows = checked_mask(mask, self._leading)
         method = cast(TubeMethod, self._method)
         return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
         self._method.override(mask, snaps)
-
-    def expectation(self, period: float) -> NDArray[np.float64]:
-        """(4,) how far the next sample may be off the predicted one in r, v, a, j, SI."""
-        limits = bounds_of(self._settings).limits
-        longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
-        return expectation(checked_uncertainty(self._settings["uncertainty"]), period, longest)
 
     @property
     def delay(self) -> int:
@@ -314,17 +293,11 @@ class Shield:
         Raises:
             ValueError: for the snapshot of another method, or what is none.
         """
-        if snapshot and set(snapshot) != SNAPSHOT:
-            raise ValueError(f"snapshot must hold {', '.join(sorted(SNAPSHOT))}, got {sorted(snapshot)}")
+        check_snapshot(snapshot)
         self.reset()
         if not snapshot:
             return
         n, k = snapshot["size"].tolist()
         self._are_still = False
         self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
-        memory, found = self._method.memory, snapshot["memory"]
-        if (memory.shape, memory.dtype) != (found.shape, found.dtype):
-            raise ValueError(
-                f"snapshot must have memory of {memory.shape} {memory.dtype}, got {found.shape} {found.dtype}"
-            )
-        memory[:] = found
+        self._method.memory[:] = checked_memory(snapshot["memory"], self._method.memory)

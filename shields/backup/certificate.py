@@ -33,20 +33,12 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
-from shields.interface.records import FlightLimits, MovingSpheres, Obstacles, ThrustBand
+from shields.interface.records import MovingSpheres, Obstacles, ThrustBand
 
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
 ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
 ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
-
-
-class Flight(NamedTuple):
-    """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
-
-    period: float
-    limits: FlightLimits
-    gains: tuple
 
 
 class Distances(NamedTuple):

@@ -69,3 +69,11 @@ class FlightLimits(NamedTuple):
     stop_snap_max: float
     jerk_max: float
     band: ThrustBand
+
+
+class Flight(NamedTuple):
+    """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
+
+    period: float
+    limits: FlightLimits
+    gains: tuple

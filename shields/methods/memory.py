@@ -17,11 +17,10 @@ from quadsafe_core.kernels.choice import only_if
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import vector
 from quadsafe_core.maths.feedback import held_gains
-from shields.backup.certificate import Flight
 from shields.backup.recovery import RECOVERY_POLE
 from shields.backup.stored_stop import PLAN
 from shields.interface.filtered import NUMBERS
-from shields.interface.records import FlightLimits, ThrustBand
+from shields.interface.records import Flight, FlightLimits, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, FLOATS
 from shields.methods.easing import Easing, easing_at
 from shields.methods.flight_bounds import FlightBounds, closing_bounds

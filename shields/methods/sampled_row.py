@@ -17,14 +17,13 @@ from shields.backup.certificate import (
     STOPPED,
     UNCERTIFIED,
     Distances,
-    Flight,
     accept_at_once,
     as_one_row,
     certified_snap,
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
-from shields.interface.records import FlightLimits, MovingSpheres, ThrustBand
+from shields.interface.records import Flight, FlightLimits, MovingSpheres, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
 from shields.methods.nearest_snap import SLACK, Row, choose_directions, nearest_snap
 

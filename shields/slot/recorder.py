@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,29 @@ from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, LARGEST, ROUNDING, answers_in
-from shields.shield import Shield
 from shields.slot.info import KEYS, MASKS, STEP
-from shields.slot.surprise import SENTENCE, WATCH, watch_row
+from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
+
+
+class RecordedShield(Protocol):
+    """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
+
+    @property
+    def settings(self) -> dict[str, Any]: ...  # noqa: D102
+
+    @property
+    def delay(self) -> int: ...  # noqa: D102
+
+    @property
+    def can_lose(self) -> bool: ...  # noqa: D102
+
+    def filter(self, flat, center, radius, snap, period: float) -> Filtered: ...  # noqa: D102
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...  # noqa: D102
+
+    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]: ...  # noqa: D102
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None: ...  # noqa: D102
 
 
 @kernel
@@ -102,7 +122,7 @@ class Recorder:
     Its first call may raise: then something is wrong with how it was set up.
     """
 
-    def __init__(self, shield: Shield, rows: int):
+    def __init__(self, shield: RecordedShield, rows: int):
         self.shield, self._periods, self._has_answered = shield, 0, False
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
@@ -122,7 +142,10 @@ class Recorder:
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, center, radius, snap, period)
         if period != self._period:
-            self._watches["most"], self._watches["period"] = self.shield.expectation(period), period
+            self._watches["most"], self._watches["period"] = (
+                expectation_of(self.shield.settings, period),
+                period,
+            )
             self._period = period
         is_first = self._periods == 0
         surprised = count_batch(flat, snap, answer.numbers, is_first, self._steps, self._watches, self._line)

@@ -9,6 +9,10 @@ by at most
 and where it is off by more, an assumption of the proof has failed: jitter, a lag, a push, a wrong model.
 """
 
+import math
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,7 +20,8 @@ from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple, vector, write3
 from shields.chains.flat_state import flat_of, flown, write_flat
 from shields.interface.row_checks import flat_of_row
-from shields.settings.uncertainty import Uncertainty, chain_over, predicted_error
+from shields.methods.flight_bounds import bounds_of
+from shields.settings.uncertainty import Uncertainty, chain_over, checked_uncertainty, predicted_error
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).
 MEASURED_SNAP = 15.0
@@ -51,6 +56,13 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
     told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
     error, added = predicted_error(told, period, snap_max)
     return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+
+
+def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:
+    """(4,) ``expectation`` of a shield of these settings."""
+    limits = bounds_of(settings).limits
+    longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
+    return expectation(checked_uncertainty(settings["uncertainty"]), period, longest)
 
 
 @inline_kernel

@@ -13,6 +13,7 @@ from shields.backup.stop_hull import (
     JERK,
     POSITION,
     SNAP,
+    Attempt,
     is_clear_at_once,
     keeps_snap_and_jerk,
     keeps_thrust,
@@ -23,7 +24,7 @@ from shields.backup.stop_hull import (
 )
 from shields.backup.stored_stop import NOTHING, SEGMENTS, dead_beat_snap
 from shields.chains.flat_state import Flat, flown
-from shields.interface.records import FlightLimits, ThrustBand
+from shields.interface.records import FlightLimits, Obstacles, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.02
 SEEDS = st.integers(0, 2**32 - 1)
@@ -67,6 +68,11 @@ def test_the_weights_are_the_control_points_of_the_dead_beat_stop(h):
             np.testing.assert_allclose(np.array(x.j) * h**3, JERK[segment] @ scaled, rtol=1e-9, atol=1e-9)
 
 
+def held(x, snap):
+    """The snap held for a period."""
+    return Attempt(x, snap, flown(x, snap, PERIOD), PERIOD)
+
+
 @pytest.mark.interpreted
 @settings(deadline=None, max_examples=200)
 @given(SEEDS, st.sampled_from([FREE, BOUND]), st.booleans())
@@ -79,7 +85,7 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     velocity = rng.normal(size=(2, 3)) * (0.8 if moving else 0.0)
     radius = rng.uniform(0.1, 1.0, 2)
     spheres = (center[None], velocity[None], radius[None])
-    if not is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits):
+    if not is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits):
         return
     # Rounding of the control points.
     later = np.concatenate([times, times[-1] + np.linspace(0.0, 20.0, 200)])
@@ -100,7 +106,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
     far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))
     for _ in range(200):
         x = state(rng, 0.3)
-        count += is_clear_at_once(0, x, NOTHING, flown(x, NOTHING, PERIOD), 0.4, PERIOD, *far, 1.0, FREE)
+        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Obstacles(*far), 1.0, FREE)
     assert count >= 190
 
 
@@ -108,7 +114,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
 def test_each_limit_alone_is_noticed():
     def clear(x, snap=NOTHING, h=0.4, limits=FREE, center=(30.0, 0.0, 0.0), velocity=NOTHING):
         spheres = (np.array([[center]]), np.array([[velocity]]), np.ones((1, 1)))
-        return is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits)
+        return is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits)
 
     hover = Flat(NOTHING, NOTHING, NOTHING, NOTHING)
     fast = hover._replace(v=(1.0, 0.0, 0.0))
