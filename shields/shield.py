@@ -131,9 +131,8 @@ class Shield:
         self._method: Method = (TubeMethod if has_errors else METHODS[method])(self._settings)
         self._size: tuple[int, int] | None = None
         self._period = math.nan
-        self._kernel: FilterKernel
-        # Whether the spheres of the last call were at rest.
         self._are_still = False
+        self._kernel: FilterKernel
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -180,7 +179,7 @@ class Shield:
             try:
                 code = self._kernel(flat, center, radius, snap, *self._own, out)
             except (TypeError, AttributeError):
-                # No arrays of float64 in C order: the careful way makes them so, or says what is wrong.
+                # The careful way makes them arrays of float64 in C order, or says what is wrong.
                 code = BAD_SHAPES
             if code == DONE:
                 return Filtered(out, self._leading)
@@ -220,10 +219,7 @@ class Shield:
         self._own, self._numbers = self._kernels.own, NUMBERS * size[0]
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget the rows of ``mask``, or without one everything, the number of plants too.
-
-        Args:
-            mask: (N,) booleans.
+        """Forget the rows of ``mask``, (N,) booleans, or without one everything, the number of plants too.
 
         Raises:
             ValueError: for another shape or type.
@@ -231,7 +227,7 @@ class Shield:
         if mask is None:
             self._size, self._period = None, math.nan
             return
-        rows = checked_mask(mask, None if self._size is None else self._size[:1])
+        rows = checked_mask(mask, self._size and self._size[:1])
         if self._size is not None:
             self._method.forget(rows)
 
@@ -256,9 +252,8 @@ class Shield:
             )
         if self._size is None:
             raise ValueError("backup must follow a call of filter, got none since the last reset()")
-        rows = checked_mask(mask, self._leading)
-        method = cast(TubeMethod, self._method)
-        return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
+        rows = checked_mask(mask, self._leading).reshape(self._size[0])
+        return cast(TubeMethod, self._method).backup(rows).reshape(*self._leading, 3)
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""

@@ -436,7 +436,7 @@ def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
     x = flat_state([(-0.6, 1.2, 1.1), (0.5, -0.3, 0.4), (-0.5, -1.4, -1.8), (0.5, 2.8, 4.1)])
     spheres, snap = spheres_of(((-0.7, 0.8, 0.8), WORLD, 0.5)), (0.0, 0.0, 20.0)
     after = flown(x, snap, PERIOD)
-    assert length_clear_at_once(0, x, snap, after, PERIOD, spheres, LIMITS) == -1
+    assert length_clear_at_once(0, Attempt(x, snap, after, PERIOD), spheres, LIMITS) == -1
     plan = empty_plan()
     assert accept(plan, x, snap, PERIOD, spheres, LIMITS)
     np.testing.assert_array_equal(plan["begin"], after)

@@ -68,9 +68,9 @@ def test_the_weights_are_the_control_points_of_the_dead_beat_stop(h):
             np.testing.assert_allclose(np.array(x.j) * h**3, JERK[segment] @ scaled, rtol=1e-9, atol=1e-9)
 
 
-def held(x, snap):
+def held(x, snap, period=PERIOD):
     """The snap held for a period."""
-    return Attempt(x, snap, flown(x, snap, PERIOD), PERIOD)
+    return Attempt(x, snap, flown(x, snap, period), period)
 
 
 @pytest.mark.interpreted
@@ -162,11 +162,9 @@ def test_a_plane_separates_up_to_the_nearest_control_point(period):
                 distances.append(n @ gap / np.linalg.norm(n))
             start += length
         nearest.add(int(np.argmin(distances)))
-        after, gap = flown(x, snap, period), tuple(np.array(x.r) - center)
+        attempt, gap = held(x, snap, period), tuple(np.array(x.r) - center)
         for keep, expected in ((min(distances) - 1e-9, True), (min(distances) + 1e-9, False)):
-            found = plane_separates(
-                tuple(n), keep, gap, tuple(velocity), x, snap, after, scaled(after, h), period
-            )
+            found = plane_separates(tuple(n), keep, gap, tuple(velocity), attempt, scaled(attempt.after, h))
             assert found == expected
     # in a long period each of its points is the nearest one now and then
     assert len(nearest) >= 6 and (period == PERIOD or {0, 1, 2, 3} <= nearest)
@@ -193,8 +191,8 @@ def test_snap_jerk_and_thrust_may_reach_their_limits_and_no_more():
                 ThrustBand(least - shift, math.inf, GRAVITY),
                 ThrustBand(-99.0, most + shift, GRAVITY),
             )
-            assert keeps_thrust(x, after, stop, PERIOD, floor) == expected
-            assert keeps_thrust(x, after, stop, PERIOD, ceiling) == expected
+            assert keeps_thrust(held(x, snap), stop, floor) == expected
+            assert keeps_thrust(held(x, snap), stop, ceiling) == expected
 
 
 @pytest.mark.interpreted
@@ -215,8 +213,8 @@ def test_any_sphere_of_the_row_and_no_other_row_can_be_in_the_way():
     center, radius = np.array([[far, far], [far, near]]), np.array([[1.0, 0.0], [1.0, 1.4]])
 
     def clear(i, share):
-        rows = (center, np.zeros((2, 2, 3)), radius, share)
-        return spheres_are_clear(i, hover, NOTHING, hover, scaled(hover, 0.4), PERIOD, *rows)
+        spheres = Obstacles(center, np.zeros((2, 2, 3)), radius)
+        return spheres_are_clear(i, held(hover, NOTHING), scaled(hover, 0.4), spheres, share)
 
     assert clear(0, 1.0) and clear(0, 8.9) and not clear(0, 9.1)
     assert clear(1, 1.0) and not clear(1, 1.1)
