@@ -140,14 +140,14 @@ def cbf_memory(memory, n, k):
 def cbf_row(i, measured, settings, answers):
     """Filter row i of what was measured; ``DONE``, or what is wrong with it. ``settings``: ``CBF_SETTINGS``."""
     x, (center, velocity, radius), fact = flat_of_row(i, measured.flat), measured.spheres, answers.facts[i]
-    wanted = wanted_snap(x, vector(measured.snap[i]), vector(settings["braking"]), fact)
+    gains, low = settings["braking"], settings["closing"]
+    wanted = wanted_snap(x, vector(measured.snap[i]), (gains[0], gains[1], gains[2]), fact)
     u, k = wanted, present_obstacle(i, radius)
     if k == -2:
         return CROWDED
     if k >= 0:
         if triple(velocity, i, k) != (0.0, 0.0, 0.0):
             return MOVING
-        low = settings["closing"]
         bounds = ClosingBounds(low[0], low[1], low[2])
         limits = Limits(settings["u_max"], settings["alpha"], settings["input_max"])
         distance = settings["distance"] * radius[i, k]

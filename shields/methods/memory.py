@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import taken
 from quadsafe_core.kernels.choice import only_if
-from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import vector
+from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
 from shields.backup.stored_stop import PLAN
@@ -169,31 +168,26 @@ def is_memory_of(memory, n, k, out):
     return settings[0]["rows"] == n and settings[0]["obstacles"] == k and out.shape[0] == NUMBERS * n
 
 
-@inline_kernel
-def four(row):
-    """A row of four as a tuple."""
-    return (row[0], row[1], row[2], row[3])
-
-
 @kernel
 def settings_of(s, kind):
     """The settings of a record ``SETTINGS``; ``kind`` has the fields of ``Kind``."""
-    a = s["authority"]
-    closing = only_if(kind[0], vector(s["closing"]))
+    # As an argument a field that is an array would be counted.
+    a, c, e, w = s["authority"], s["closing"], s["easing"], s["tube"]
+    t, b, r = s["tracking"], s["braking"], s["recovery"]
+    closing = only_if(kind[0], (c[0], c[1], c[2]))
     authority = only_if(kind[1], Authority(a[0], a[1], a[2], a[3], a[4]))
-    tube = only_if(kind[2], Width(s["tube"][0], s["tube"][1]))
-    easing = Easing(four(s["easing"]), s["easing_left"], s["easing_within"])
+    easing = Easing((e[0], e[1], e[2], e[3]), s["easing_left"], s["easing_within"])
     band = ThrustBand(s["thrust_min"], s["thrust_max"], s["gravity"])
     limits = FlightLimits(s["snap_max"], s["stop_snap_max"], s["jerk_max"], band)
     return ShieldSettings(
         Sampling(s["u_max"], s["gamma"], s["input_max"], s["period"], authority, easing),
-        Flight(s["period"], limits, four(s["tracking"])),
+        Flight(s["period"], limits, (t[0], t[1], t[2], t[3])),
         s["margin"],
         closing,
-        vector(s["braking"]),
-        vector(s["recovery"]),
+        (b[0], b[1], b[2]),
+        (r[0], r[1], r[2]),
         closing is None and authority is None,
-        tube,
+        only_if(kind[2], Width(w[0], w[1])),
     )
 
 

@@ -65,8 +65,10 @@ def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
         if radius[i, k] > 0.0:
             y = relative_to(x, triple(center, i, k), triple(velocity, i, k))
             distance = (1 + settings.margin) * radius[i, k]
-            demand = distance_demand(y, vector(chosen[k]["n"]), wanted, distance, settings.sampling)
-            write3(chosen[k]["n"], demand.n)
+            # As an argument a field that is an array would be counted.
+            n = chosen[k]["n"]
+            demand = distance_demand(y, (n[0], n[1], n[2]), wanted, distance, settings.sampling)
+            n[0], n[1], n[2] = demand.n
             chosen[k]["least"] = demand.least
             fact["value"] = min(fact["value"], demand.value)
             is_cut |= excess(demand, wanted) > 0.0

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, one_row, taken
-from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, triple, vector, write3
 from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
@@ -42,7 +42,7 @@ from shields.methods.sampled_row import sampled_row
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
 
 
-@kernel
+@inline_kernel
 def predicted(x, pending, period):
     """The flat state when every answer that is on its way, (d, 3), has been flown."""
     for answer in range(pending.shape[0]):
@@ -50,7 +50,7 @@ def predicted(x, pending, period):
     return x
 
 
-@kernel
+@inline_kernel
 def write_world_ahead(i, ahead, spheres, width, tubes):
     """Put down the spheres of row i as they will be in ``ahead`` seconds, with radii larger by the tube."""
     center, velocity, radius = spheres
@@ -60,7 +60,7 @@ def write_world_ahead(i, ahead, spheres, width, tubes):
         tubes.radii[i, k] = radius[i, k] + width.vehicle if radius[i, k] > 0.0 else 0.0
 
 
-@kernel
+@inline_kernel
 def send(snap, pending):
     """Put the answer behind those that are on their way, the first of which has been flown."""
     last = pending.shape[0] - 1
@@ -71,26 +71,26 @@ def send(snap, pending):
 
 
 @kernel
-def is_here_clear(i, x, spheres, tubes, width, period):
+def is_here_clear(i, x, spheres, pending, chains, width, period):
     """Whether the vehicle as it is, not only as it will be, is where a certificate has it.
 
     Where all that is on its way was certified, no point of its path may lie in a sphere by more than errors do.
     Before that the path must be clear for sure.
     """
     center, velocity, radius = spheres
-    error, delay, count = width.estimate - width.vehicle, tubes.pending.shape[1], radius.shape[1]
+    error, delay, count = width.estimate - width.vehicle, pending.shape[1], radius.shape[1]
     for k in range(count):
         if norm(subtract(x.r, triple(center, i, k))) < radius[i, k] - error:
             return False
     if delay == 0:
         return True
-    is_chained, keep_out = tubes.chains[i] >= delay, np.zeros(count)
+    is_chained, keep_out = chains[i] >= delay, np.zeros(count)
     for k in range(count):
         if radius[i, k] > 0.0:
             keep_out[k] = max(radius[i, k] - error, 0.0) if is_chained else radius[i, k] + error
     kept = MovingSpheres(center[i], velocity[i], keep_out)
     for answer in range(delay):
-        snap = triple(tubes.pending, i, answer)
+        snap = triple(pending, i, answer)
         found = look_at_arc(x, snap, answer * period, period, kept, ANY_THRUST)
         if found == HIT or (found != CLEAR and not is_chained):
             return False
@@ -98,7 +98,7 @@ def is_here_clear(i, x, spheres, tubes, width, period):
     return True
 
 
-@kernel
+@inline_kernel
 def withdraw(i, fact, is_here, chains):
     """No certificate where the vehicle is not where it has it; count those without a break."""
     if fact["certified"] != 0.0 and not is_here:
@@ -106,12 +106,12 @@ def withdraw(i, fact, is_here, chains):
     chains[i] = chains[i] + 1.0 if fact["certified"] != 0.0 else 0.0
 
 
-@kernel
+@inline_kernel
 def tube_row(i, measured, held, tubes, settings, answers):
     """``sampled_row`` of row i on what will be when the answer is flown; ``DONE``, or what is wrong with it."""
     x, spheres = flat_of_row(i, measured.flat), measured.spheres
     width, period = settings.tube, settings.flight.period
-    is_here = is_here_clear(i, x, spheres, tubes, width, period)
+    is_here = is_here_clear(i, x, spheres, tubes.pending, tubes.chains, width, period)
     write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
     write_world_ahead(i, tubes.pending.shape[1] * period, spheres, width, tubes)
     tubes.before[i] = held.plans[i]

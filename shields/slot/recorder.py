@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import vector, write3
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
@@ -43,8 +42,7 @@ def open_batch(steps):
     """Nothing flown yet, in rows (N,) ``STEP``."""
     for i in range(steps.shape[0]):
         step = steps[i]
-        write3(step["snap_desired"], (0.0, 0.0, 0.0))
-        write3(step["snap_applied"], (0.0, 0.0, 0.0))
+        step["snap_desired"][:], step["snap_applied"][:] = 0.0, 0.0
         step["correction"], step["value"], step["reserve"], step["obstacle"] = 0.0, np.inf, 0.0, -1
         step["interventions"], step["fallbacks"], step["refusals"] = 0, 0, 0
         step["stopped"], step["certified"], step["intervened"] = False, True, False
@@ -54,9 +52,9 @@ def open_batch(steps):
 @inline_kernel
 def count_row(i, desired, answers, step):
     """Add what was answered to row i."""
-    fact = answers.facts[i]
-    write3(step["snap_desired"], vector(desired[i]))
-    write3(step["snap_applied"], vector(answers.safe[i]))
+    fact, asked, applied = answers.facts[i], step["snap_desired"], step["snap_applied"]
+    for axis in range(3):
+        asked[axis], applied[axis] = desired[i, axis], answers.safe[i, axis]
     if fact["correction"] > step["correction"]:
         step["correction"], step["obstacle"] = fact["correction"], int(fact["obstacle"])
     step["value"] = min(step["value"], fact["value"])

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple, vector, write3
-from shields.chains.flat_state import flat_of, flown, write_flat
+from shields.chains.flat_state import Flat, flown
 from shields.interface.row_checks import flat_of_row
 from shields.methods.flight_bounds import bounds_of
 from shields.settings.uncertainty import Uncertainty, chain_over, checked_uncertainty, predicted_error
@@ -77,12 +77,20 @@ def watch_row(i, flat, answer, watch, line):
         line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now.
     """
     x, is_off = flat_of_row(i, flat), False
+    last, off, most = watch["last"], watch["off"], watch["most"]
     if watch["known"] > 0:
-        p = flown(flat_of(watch["last"]), triple(line, i, 0), watch["period"])
+        was = Flat(
+            (last[0, 0], last[0, 1], last[0, 2]),
+            (last[1, 0], last[1, 1], last[1, 2]),
+            (last[2, 0], last[2, 1], last[2, 2]),
+            (last[3, 0], last[3, 1], last[3, 2]),
+        )
+        p = flown(was, triple(line, i, 0), watch["period"])
         for order in range(4):
-            watch["off"][order] = norm(subtract(x[order], p[order]))
-            is_off |= not watch["off"][order] <= watch["most"][order] + ROUNDING * (1.0 + norm(p[order]))
-    write_flat(watch["last"], x)
+            off[order] = norm(subtract(x[order], p[order]))
+            is_off |= not off[order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
+    for order in range(4):
+        last[order, 0], last[order, 1], last[order, 2] = x[order]
     for place in range(line.shape[1] - 1):
         write3(line[i, place], triple(line, i, place + 1))
     write3(line[i, line.shape[1] - 1], vector(answer[i]))
