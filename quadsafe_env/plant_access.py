@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
-from quadsafe_env.simulation.slot import SnapFilter
+from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
 from quadsafe_env.vehicle.authority import authority, yaw_range
@@ -93,10 +93,10 @@ class PlantAccess:
         return self._world.is_shielded
 
     @property
-    def snap_filter(self) -> SnapFilter:
+    def snap_filter(self) -> MinimalFilter:
         """The filter slot; see ``quadsafe_env.simulation.slot.SnapFilter``."""
         return self._world.snap_filter
 
     @snap_filter.setter
-    def snap_filter(self, value: SnapFilter) -> None:
+    def snap_filter(self, value: MinimalFilter) -> None:
         self._world.snap_filter = value

@@ -10,7 +10,7 @@ import pygame
 import pytest
 
 import quadsafe_env  # noqa: F401
-from quadsafe_env.pictures.film import LENGTH, NO_PAST, Past, Trail
+from quadsafe_env.pictures.trail import LENGTH, NO_PAST, Past, Trail
 from quadsafe_env.pictures.render import (
     ACTS,
     BREACH,
