@@ -55,7 +55,7 @@ class PlantAccess:
             ValueError: for rotor lag, jitter or impulses, which have no such bounds.
         """
         return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.thrust_max / self.params.mass
+            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.specific_thrust_max
         )
 
     @property
@@ -64,8 +64,8 @@ class PlantAccess:
         p, rates = self.params, self._world.rates
         return FlightModel(
             gravity=p.gravity,
-            thrust_min=p.thrust_min / p.mass,
-            thrust_max=p.thrust_max / p.mass,
+            thrust_min=p.specific_thrust_min,
+            thrust_max=p.specific_thrust_max,
             authority=self.authority() if self._world.rotor_limits else None,
             physics_hz=rates.physics,
             control_hz=rates.control,

@@ -38,10 +38,10 @@ from quadsafe_env.simulation.episode import (
 )
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.ravel import unraveled
-from quadsafe_env.simulation.rows import rows_in
+from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
-from quadsafe_env.tasks.scenes import columns_in
+from quadsafe_env.tasks.scene_columns import columns_in
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_step
@@ -175,7 +175,7 @@ def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_
     plant, d = unraveled(numbers, Plant), unraveled(disturbance, Disturbance)
     rows, scenes = rows_in(borrowed(memory)), columns_in(borrowed(scene_memory))
     spheres = scenes.sphere_count
-    block, gaps = block_of(spheres), new_block(I(1))
+    block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
     for first in range(0, weather.shape[0], LANES):
         count = min(LANES, weather.shape[0] - first)
         load_rows(block, first, count, rows.state, scenes)
@@ -186,5 +186,5 @@ def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_
                 fly_row(block, lane, spheres, plant, rotors, d, weather[first + lane])
         close_period(block, gaps, first, count, spheres, plant, rows)
         if closes:
-            close_step(block, gaps, first, count, spheres, plant, rows)
+            close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
         store_table(block, first, rows.table)

@@ -16,7 +16,7 @@ from quadsafe_env.disturbances.draws import (
     lost_batch,
 )
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
-from quadsafe_env.simulation.episode import observe_rows
+from quadsafe_env.simulation.batches import observe_rows
 from quadsafe_env.simulation.ravel import raveled
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import Conditions

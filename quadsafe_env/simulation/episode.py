@@ -1,4 +1,4 @@
-"""The episode of each row: what happened to it, and the kernels that begin it, fly and close a policy step.
+"""The episode of each row: how a control period begins, what happened in it, and the end of a policy step.
 
 What is told of the rows is kept in lanes, block by block, see ``quadsafe_env.simulation.block``. A policy step
 closes with its outcome, the lines REWARD, COST and CLEARANCE, (3, N), and with the flags below, (FLAGS, N).
@@ -6,10 +6,8 @@ closes with its outcome, the lines REWARD, COST and CLEARANCE, (3, N), and with 
 
 import math
 
-from quadsafe_core.kernels.borrow import borrowed
-from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block, to_lanes
-from quadsafe_core.maths.counter_rng import Key, derived_key
+from quadsafe_core.kernels.jit import inline_kernel
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, to_lanes
 from quadsafe_env.simulation.block import (
     ARRIVES,
     CLEARANCE,
@@ -31,22 +29,14 @@ from quadsafe_env.simulation.block import (
     SPINNING,
     TABLE,
     YAW,
-    are_sound,
-    block_of,
     fill_spheres,
-    fly,
-    fly_with_care,
     measure_gaps,
     measure_here,
-    observe,
 )
-from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.ravel import unraveled
-from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, rows_in
+from quadsafe_env.simulation.rows import FLAGS, OUTCOMES
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE, distance_to
-from quadsafe_env.tasks.reward import GOAL_HOLD, OWN_ENTRIES, SPHERE_ENTRIES, reward
-from quadsafe_env.tasks.scenes import columns_in
-from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE, THRUST, lane_triple
+from quadsafe_env.tasks.reward import GOAL_HOLD, reward
+from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE, lane_triple
 from quadsafe_env.vehicle.yaw import is_spinning, limited_yaw
 
 IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, IS_SPINNING, TERMINATED = range(8)
@@ -172,9 +162,9 @@ def close_period(block, gaps, first, count, spheres, plant, rows):
 
 
 @inline_kernel
-def close_step(block, gaps, first, count, spheres, plant, rows):
+def close_step(block, room, first, count, spheres, plant, rows):
     """Close the policy step of the lanes; the gaps are present ones after it."""
-    flag_block = new_block(I(FLAGS))
+    gaps, flag_block = room
     measure_here(block, count, spheres, gaps)
     close_lanes(block, gaps, count, plant, flag_block)
     store_closed(block, flag_block, first, count, rows)
@@ -185,124 +175,3 @@ def store_table(block, first, table):
     """What is told of the rows, for the next period."""
     for k in range(U(LANES * LINES)):
         table[U(first * LINES) + k] = block[U(LANES * TABLE) + k]
-
-
-@kernel
-def narrow(numbers, count, out, first):
-    """The first numbers as float32 into ``out`` from ``first`` on."""
-    # Not in wide vectors: a load of 512 bits waits for two stores of 256.
-    for k in range(U(count)):
-        out[U(first) + k] = numbers[k]
-
-
-@inline_kernel
-def write_rows(seen, scratch, first, count, size, rows):
-    """Observations in lanes into the rows first … first + count of a flat array."""
-    from_lanes(seen, I(0), scratch, size, I(0), count)
-    narrow(scratch, count * size, rows, first * size)
-
-
-@inline_kernel
-def slots_of(observations):
-    """How many spheres an observation has."""
-    return (observations.shape[1] - OWN_ENTRIES) // SPHERE_ENTRIES
-
-
-@kernel
-def load_lanes(block, first, count, rows, scenes, snap, hold):
-    """Rows first … first + count, as they are before the period, into a block."""
-    load_rows(block, first, count, rows.state, scenes)
-    load_snaps(block, first, count, snap, rows.yaw_acceleration)
-    open_period(block, first, count, rows.table, hold)
-
-
-@kernel
-def advance_batch(numbers, rotors, closes, memory, scene_memory, snap, observations):
-    """Hold snaps and the rows' yaw accelerations for a control period.
-
-    Args:
-        numbers: a ``Plant``, raveled.
-        rotors: the fields of ``Rotors``, or None without limits.
-        closes: whether it is the last period of a policy step, which writes outcome, flags and observations.
-        memory: of the rows, see ``Rows``.
-        scene_memory: see ``Scenes``.
-        snap: (N, 3), m/s⁴.
-        observations: (N, 15 + 5 k), float32.
-
-    A block is flown at once. Where a row crashes or does not fly it is flown again, with care.
-    """
-    plant, rows = unraveled(numbers, Plant), rows_in(borrowed(memory))
-    scenes = columns_in(borrowed(scene_memory))
-    spheres, size = scenes.sphere_count, observations.shape[1]
-    block, gaps = block_of(spheres), new_block(I(1))
-    seen, scratch, seen_rows = new_block(size + 8), new_block(size), observations.reshape(-1)
-    for first in range(0, observations.shape[0], LANES):
-        count = min(LANES, observations.shape[0] - first)
-        load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
-        fly(block, count, spheres, plant.substeps, plant, rotors)
-        if not are_sound(block, count, plant.params.thrust_min):
-            load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
-            fly_with_care(block, count, spheres, plant.substeps, plant, rotors)
-        close_period(block, gaps, first, count, spheres, plant, rows)
-        if closes:
-            close_step(block, gaps, first, count, spheres, plant, rows)
-            observe(block, count, spheres, slots_of(observations), plant.params, seen)
-            write_rows(seen, scratch, first, count, size, seen_rows)
-        store_table(block, first, rows.table)
-
-
-@kernel
-def begin_rows(indices, memory, scene_memory):
-    """What is told of rows whose episode begins, at these indices; see ``advance_batch``."""
-    rows, scenes, m = rows_in(memory), columns_in(scene_memory), memory.shape[1]
-    block, gaps = block_of(scenes.sphere_count), new_block(I(1))
-    for row in indices:
-        load_rows(block, row, I(1), rows.state, scenes)
-        measure_here(block, I(1), scenes.sphere_count, gaps)
-        at, goal = row // LANES * LANES * LINES + row % LANES, lane_triple(block, U(LANES * GOAL))
-        for k in range(LINES):
-            rows.table[at + LANES * k] = 0.0
-        for k in range(FLAGS):
-            rows.flags[m * k + row] = False
-        rows.table[at + LANES * IS_FLYING] = 1.0
-        rows.table[at + LANES * DISTANCE] = distance_to(block[0], block[LANES], block[2 * LANES], goal)
-        rows.outcome[m * REWARD + row], rows.outcome[m * COST + row] = 0.0, 0.0
-        rows.outcome[m * CLEARANCE + row] = gaps[0]
-
-
-@kernel
-def place_rows(indices, numbers, memory, scene_memory):
-    """Rows at rest at their start, upright, thrust equal to weight; see ``advance_batch``."""
-    params, states = unraveled(numbers, Plant).params, rows_in(memory).state
-    start = columns_in(scene_memory).start
-    for row in indices:
-        at = STATE_SIZE * row
-        states[at : at + STATE_SIZE] = 0.0
-        for axis in range(3):
-            states[at + axis] = start[3 * row + axis]
-            states[at + 6 + 4 * axis] = 1.0
-        states[at + THRUST] = params.mass * params.gravity
-
-
-@kernel
-def observe_rows(indices, numbers, states, scene_memory, observations):
-    """Observations of rows from states (N, 20), those that are or others; see ``advance_batch``."""
-    scenes, size = columns_in(scene_memory), observations.shape[1]
-    block, gaps, state_rows = block_of(scenes.sphere_count), new_block(I(1)), states.reshape(-1)
-    seen_rows, params = observations.reshape(-1), unraveled(numbers, Plant).params
-    seen, scratch = new_block(size + 8), new_block(size)
-    for row in indices:
-        load_rows(block, row, I(1), state_rows, scenes)
-        measure_here(block, I(1), scenes.sphere_count, gaps)
-        observe(block, I(1), scenes.sphere_count, slots_of(observations), params, seen)
-        write_rows(seen, scratch, row, I(1), size, seen_rows)
-
-
-@kernel
-def next_words(seeds, episodes, rows, words):
-    """The scene integer of each row's episode: the seed itself first, then a hash of (seed, episode)."""
-    for i in rows:
-        words[i, 0], words[i, 1] = seeds[i, 0], seeds[i, 1]
-        if episodes[i] > 0:
-            key = derived_key(Key(seeds[i, 0], seeds[i, 1]), episodes[i])
-            words[i, 0], words[i, 1] = key.low, key.high

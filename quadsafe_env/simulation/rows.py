@@ -5,7 +5,7 @@ not those of a row: a filter is given its arguments as contiguous arrays.
 """
 
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,10 +43,10 @@ class Rows(NamedTuple):
     flags: NDArray[np.bool_]
 
 
-# float64 of a row in each column, and those before it.
-NUMBERS = Rows(STATE_SIZE, 12, 3, 1, 4, LINES, OUTCOMES, FLAGS // 8)  # pyright: ignore[reportArgumentType]
-*_before, SIZE = accumulate(NUMBERS, initial=0)
-AT = Rows(*_before)
+# float64 of a row in each column, and before it.
+NUMBERS: Any = Rows(STATE_SIZE, 12, 3, 1, 4, LINES, OUTCOMES, FLAGS // 8)  # type: ignore[arg-type]
+AT: Any = Rows(*accumulate(NUMBERS[:-1], initial=0))  # type: ignore[arg-type]
+SIZE = sum(NUMBERS)
 
 
 def rows_of(memory):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_env.simulation.episode import (
+from quadsafe_env.simulation.batches import (
     advance_batch,
     begin_rows,
     next_words,
@@ -37,7 +37,8 @@ from quadsafe_env.simulation.slot import (
 from quadsafe_env.tasks.conditions import OFF, Conditions
 from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
-from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Task, scene_memory, scenes_of
+from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
+from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Task
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch

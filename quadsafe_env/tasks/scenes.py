@@ -15,6 +15,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import subtract
 from quadsafe_core.maths.counter_rng import Key, uniform
 from quadsafe_env.tasks.obstacles import Spheres, clearance, distance_to
+from quadsafe_env.tasks.scene_columns import columns_in, point, scenes_of, write_point
 
 # Starts and goals keep this distance from every keep-out sphere.
 FREE_SPACE = 0.15  # m
@@ -22,33 +23,6 @@ TRIES = 64
 # Random numbers of one attempt at the endpoints; the spheres draw from a far part of the stream.
 STRIDE = 8
 SPHERE_STREAM = 1 << 20
-
-
-class Scenes(NamedTuple):
-    """Scenes of N worlds among K spheres: the columns of one array (6 + 4 K, N), which kernels are given.
-
-    | field  | shape        | meaning                                         |
-    |--------|--------------|-------------------------------------------------|
-    | start  | (N, 3)       | where the vehicle starts, m                     |
-    | goal   | (N, 3)       | where it is to fly, m                           |
-    | center | (N, K, 3)    | centres of the keep-out spheres, m              |
-    | radius | (N, K)       | their radii, m; 0 for an absent one             |
-    """
-
-    start: NDArray[np.float64]
-    goal: NDArray[np.float64]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
-
-
-class SceneColumns(NamedTuple):
-    """The columns of ``Scenes``, flat, as kernels read them; K first."""
-
-    sphere_count: int
-    start: NDArray[np.float64]
-    goal: NDArray[np.float64]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
 
 
 class Sizes(NamedTuple):
@@ -59,37 +33,10 @@ class Sizes(NamedTuple):
     vehicle: float
 
 
-def columns_of(memory):
-    """The columns within the memory of scenes."""
-    numbers, n, k = memory.reshape(-1), memory.shape[1], (memory.shape[0] - 6) // 4
-    return SceneColumns(
-        sphere_count=k,
-        start=numbers[: 3 * n],
-        goal=numbers[3 * n : 6 * n],
-        center=numbers[6 * n : (6 + 3 * k) * n],
-        radius=numbers[(6 + 3 * k) * n :],
-    )
-
-
-columns_in = inline_kernel(columns_of)
-
-
 @inline_kernel
 def key_of(words, i):
     """The key of row i of words (N, 2)."""
     return Key(words[i, 0], words[i, 1])
-
-
-@inline_kernel
-def point(points, i):
-    """Point i of flat ones."""
-    return (points[3 * i], points[3 * i + 1], points[3 * i + 2])
-
-
-@inline_kernel
-def write_point(points, i, x, y, z):
-    """Store point i of flat ones."""
-    points[3 * i], points[3 * i + 1], points[3 * i + 2] = x, y, z
 
 
 @kernel
@@ -195,18 +142,6 @@ def crowded_rows(rows, memory, out):
         at_start = clearance(x, y, z, centers[i], radii[i])
         at_goal = clearance(to_x, to_y, to_z, centers[i], radii[i])
         out[i] = min(at_start, at_goal) < FREE_SPACE
-
-
-def scene_memory(n: int, k: int) -> NDArray[np.float64]:
-    """Memory of scenes of ``n`` worlds among ``k`` spheres, zeros."""
-    return np.zeros((6 + 4 * k, n))
-
-
-def scenes_of(memory: NDArray[np.float64]) -> Scenes:
-    """The scenes within their memory."""
-    n, k = memory.shape[1], (memory.shape[0] - 6) // 4
-    _, start, goal, center, radius = columns_of(memory)
-    return Scenes(start.reshape(n, 3), goal.reshape(n, 3), center.reshape(n, k, 3), radius.reshape(n, k))
 
 
 @dataclass(frozen=True)
