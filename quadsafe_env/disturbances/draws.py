@@ -2,6 +2,8 @@
 
 Every draw is a hash of the scene's integer, and of the number of control periods flown where it is not one of
 the whole episode. So nothing random is remembered, and a scene flown again is the same flight.
+
+In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``MEMORY``.
 """
 
 import math

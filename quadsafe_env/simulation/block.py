@@ -10,6 +10,9 @@
 | 29:43     | what is told of the row: the lines of the table of ``episode``         |
 | 43 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
 |           | the period, from ``measure_gaps`` on the distance to its surface       |
+
+Of a block are flown the lanes ``0:count``, rows ``first … first + count`` of a world; ``spheres`` is the number
+K, ``plant`` a ``Plant``, ``rotors`` the fields of ``Rotors`` or None. Gaps are a line of sixteen numbers, m.
 """
 
 import math

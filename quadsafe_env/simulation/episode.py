@@ -2,6 +2,7 @@
 
 What is told of the rows is kept in lanes, block by block, see ``quadsafe_env.simulation.block``. A policy step
 closes with its outcome, the lines REWARD, COST and CLEARANCE, (3, N), and with the flags below, (FLAGS, N).
+Kernels are given what those of ``block`` are; ``rows`` are ``Rows``, and ``scenes`` ``SceneColumns``.
 """
 
 import math
