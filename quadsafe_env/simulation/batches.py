@@ -62,12 +62,18 @@ def slots_of(observations):
     return (observations.shape[1] - OWN_ENTRIES) // SPHERE_ENTRIES
 
 
-@kernel
+@inline_kernel
 def load_lanes(block, first, count, rows, scenes, snap, hold):
     """Rows first … first + count, as they are before the period, into a block."""
     load_rows(block, first, count, rows.state, scenes)
     load_snaps(block, first, count, snap, rows.yaw_acceleration)
     open_period(block, first, count, rows.table, hold)
+
+
+@kernel
+def reload_lanes(block, first, count, rows, scenes, snap, hold):
+    """``load_lanes`` again, which is rare: a call of its own, out of the way of what always runs."""
+    load_lanes(block, first, count, rows, scenes, snap, hold)
 
 
 @kernel
@@ -92,7 +98,7 @@ def advance_batch(numbers, rotors, closes, memory, scene_memory, snap, observati
         load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
         fly(block, count, spheres, plant.substeps, plant, rotors)
         if not are_sound(block, count, plant.params.thrust_min):
-            load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
+            reload_lanes(block, first, count, rows, scenes, snap, plant.yaw)
             fly_with_care(block, count, spheres, plant.substeps, plant, rotors)
         close_period(block, gaps, first, count, spheres, plant, rows)
         if closes:
