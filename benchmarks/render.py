@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_env.env import QuadrotorEnv
-from quadsafe_env.pictures.film import LENGTH
+from quadsafe_env.pictures.trail import LENGTH
 from quadsafe_env.registration import IDS
 from shields import ShieldWrapper
 

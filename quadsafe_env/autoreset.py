@@ -64,7 +64,7 @@ class Episodes:
     def transition(self, observations: NDArray[np.float32]) -> Transition:
         """What is told of every row, beside its observation."""
         rewards, terminated, values = self.world.outcome()
-        return observations, rewards, terminated, self.steps >= self.limit, told(values, self._everyone)
+        return observations, rewards, terminated, self.steps >= self.limit, vector_info(values, self._everyone)
 
 
 class SameStep(Episodes):
@@ -81,7 +81,7 @@ class SameStep(Episodes):
         info |= {
             "final_obs": observations,
             "_final_obs": done.copy(),
-            "final_info": told(self.world.outcome()[2], done),
+            "final_info": vector_info(self.world.outcome()[2], done),
             "_final_info": done,
         }
         rows, observations = np.flatnonzero(done), observations.copy()
@@ -146,6 +146,6 @@ def mode_from(value: AutoresetMode | str) -> AutoresetMode:
     raise ValueError(f"autoreset_mode must be an AutoresetMode or one of {names}, got {value!r}")
 
 
-def told(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
+def vector_info(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Gymnasium's convention for vector infos: beside every key the mask of the rows that have it."""
     return dict(zip(INFO_KEYS, values, strict=True)) | dict.fromkeys(MASKS, mask.copy())

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
-from quadsafe_env.simulation.slot import SnapFilter
+from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
 from quadsafe_env.vehicle.authority import authority, yaw_range
@@ -55,7 +55,7 @@ class PlantAccess:
             ValueError: for rotor lag, jitter or impulses, which have no such bounds.
         """
         return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.thrust_max / self.params.mass
+            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.specific_thrust_max
         )
 
     @property
@@ -64,8 +64,8 @@ class PlantAccess:
         p, rates = self.params, self._world.rates
         return FlightModel(
             gravity=p.gravity,
-            thrust_min=p.thrust_min / p.mass,
-            thrust_max=p.thrust_max / p.mass,
+            thrust_min=p.specific_thrust_min,
+            thrust_max=p.specific_thrust_max,
             authority=self.authority() if self._world.rotor_limits else None,
             physics_hz=rates.physics,
             control_hz=rates.control,
@@ -93,10 +93,10 @@ class PlantAccess:
         return self._world.is_shielded
 
     @property
-    def snap_filter(self) -> SnapFilter:
+    def snap_filter(self) -> MinimalFilter:
         """The filter slot; see ``quadsafe_env.simulation.slot.SnapFilter``."""
         return self._world.snap_filter
 
     @snap_filter.setter
-    def snap_filter(self, value: SnapFilter) -> None:
+    def snap_filter(self, value: MinimalFilter) -> None:
         self._world.snap_filter = value

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
 from quadsafe_core.maths.counter_rng import KEY_LIMIT, key_words
-from quadsafe_env.autoreset import MODES, mode_from, told
+from quadsafe_env.autoreset import MODES, mode_from, vector_info
 from quadsafe_env.given_state import given_states
 from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
@@ -112,7 +112,7 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         self._episodes.steps[rows] = 0
         mask = np.zeros(self.num_envs, dtype=np.bool_)
         mask[rows] = True
-        return self._world.observed(), told(self._world.outcome()[2], mask)
+        return self._world.observed(), vector_info(self._world.outcome()[2], mask)
 
     def step(self, actions: ArrayLike):
         """Fly one policy step in every row.

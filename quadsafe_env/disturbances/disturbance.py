@@ -3,7 +3,6 @@
 import math
 from typing import NamedTuple
 
-from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_env.tasks.conditions import Conditions
 
 # Choices: a gust of a second, short beside a flight, and one of them in every four seconds.
@@ -61,28 +60,4 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),
-    )
-
-
-@inline_kernel
-def unpacked_disturbance(c):
-    """The disturbance whose numbers are packed in ``c``, see ``quadsafe_env.simulation.plant``."""
-    return Disturbance(
-        (c[0], c[1], c[2], c[3]),
-        (c[4], c[5], c[6], c[7]),
-        c[8],
-        c[9],
-        c[10],
-        c[11],
-        c[12],
-        c[13],
-        c[14],
-        c[15],
-        c[16],
-        c[17],
-        c[18],
-        c[19],
-        c[20],
-        c[21],
-        c[22],
     )

@@ -8,19 +8,19 @@ the rotors give; drag and air act over the other half. So with every condition o
 
 import math
 
+from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.lanes import LANES, I, U, new_block
 from quadsafe_core.kernels.vec3 import add
 from quadsafe_core.maths.counter_rng import uniform
-from quadsafe_env.disturbances.disturbance import unpacked_disturbance
-from quadsafe_env.disturbances.draws import IMPULSE, INERTIA_AT, JITTER, MASS_AT, air_of, directed, period_key
+from quadsafe_env.disturbances.disturbance import Disturbance
+from quadsafe_env.disturbances.draws import IMPULSE, JITTER, air_of, directed, period_key
 from quadsafe_env.simulation.block import (
     CLIPPED,
     CRASH,
     GOAL,
     HELD,
     IS_FLYING,
-    LINES,
     LONGEST,
     PER_SPHERE,
     SNAP,
@@ -28,33 +28,32 @@ from quadsafe_env.simulation.block import (
     TABLE,
     YAW,
     block_of,
-    measure_gaps,
-    measure_here,
 )
 from quadsafe_env.simulation.episode import (
-    FLAGS,
-    close_lanes,
-    flat_rows,
+    close_period,
+    close_step,
     load_rows,
-    load_wishes,
-    record_period,
-    store_closed,
+    open_period,
+    store_table,
 )
-from quadsafe_env.simulation.plant import unpacked
+from quadsafe_env.simulation.plant import Plant
+from quadsafe_env.simulation.ravel import unraveled
+from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
+from quadsafe_env.tasks.scene_columns import columns_in
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_step
-from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane
+from quadsafe_env.vehicle.state import THRUST, lane_state, lane_triple, store_lane
 
 
 @inline_kernel
-def true_vehicle(i, believed, m):
-    """The vehicle of row i: mass and inertia other than believed."""
-    turn, (Jx, Jy, Jz) = m.drawn[i, INERTIA_AT], believed.inertia
+def true_vehicle(believed, m):
+    """The vehicle of a row: mass and inertia other than believed."""
+    turn, (Jx, Jy, Jz) = m["inertia"], believed.inertia
     return QuadrotorParams(
-        believed.mass * m.drawn[i, MASS_AT],
+        believed.mass * m["mass"],
         (Jx * turn, Jy * turn, Jz * turn),
         believed.arm,
         believed.radius,
@@ -67,27 +66,28 @@ def true_vehicle(i, believed, m):
 
 
 @inline_kernel
-def steps_of(i, substeps, d, m):
-    """Physics steps of the present period of row i, by its clock."""
-    key, n = period_key(m, i)
+def steps_of(substeps, d, m):
+    """Physics steps of the present period of a row, by its clock."""
+    key, n = period_key(m)
     return max(1, math.floor(substeps * uniform(key, n + JITTER, 1.0 - d.jitter, 1.0 + d.jitter) + 0.5))
 
 
 @inline_kernel
-def struck(i, v, d, m):
-    """Velocity after the impulse that row i meets in the present period, or meets none."""
-    key, n = period_key(m, i)
+def struck(v, d, m):
+    """Velocity after the impulse that a row meets in the present period, or meets none."""
+    key, n = period_key(m)
     if uniform(key, n + IMPULSE, 0.0, 1.0) >= d.impulse_chance:
         return v
     return add(v, directed(key, n + IMPULSE + 1, d.impulse))
 
 
 @inline_kernel
-def lagged(i, asked, d, m):
-    """The wrench that the rotors of row i give in the mean of a physics step, and their lag at its end."""
-    w = (m.wrench[i, 0], m.wrench[i, 1], m.wrench[i, 2], m.wrench[i, 3])
+def lagged(asked, d, m):
+    """The wrench that the rotors of a row give in the mean of a physics step, and their lag at its end."""
+    kept = m["wrench"]
+    w = (kept[0], kept[1], kept[2], kept[3])
     for k in range(4):
-        m.wrench[i, k] = asked[k] + d.lag_kept * (w[k] - asked[k])
+        kept[k] = asked[k] + d.lag_kept * (w[k] - asked[k])
     return (
         asked[0] + d.lag_mean * (w[0] - asked[0]),
         asked[1] + d.lag_mean * (w[1] - asked[1]),
@@ -130,16 +130,28 @@ def record_step(block, i, spheres, s, dt):
         block[at + 4 * LANES] = min(block[at + 4 * LANES], squared)
 
 
+@inline_kernel
+def load_flown(block, first, count, memory):
+    """What is flown in the period, of the rows' records."""
+    for lane in range(count):
+        flown = memory[first + lane]["flown"]
+        for k in range(4):
+            block[LANES * (SNAP + k) + lane] = flown[k]
+
+
 @kernel
-def fly_row(block, lane, i, spheres, substeps, plant, rotors, d, m):
-    """Fly row i, in a lane, for a control period; it stays in its last sound state when it crashes."""
-    dt, steps = plant.dt, steps_of(i, substeps, d, m)
-    vehicle, air = true_vehicle(i, plant.params, m), air_of(i, dt * m.age[i, 1], d, m)
+def fly_row(block, lane, spheres, plant, rotors, d, m):
+    """Fly a row, in a lane, for a control period; it stays in its last sound state when it crashes.
+
+    ``m`` is the row's record of the dtype ``MEMORY``.
+    """
+    dt, steps = plant.dt, steps_of(plant.substeps, d, m)
+    vehicle, air = true_vehicle(plant.params, m), air_of(dt * m["steps"], d, m)
     snap, yaw_acceleration = lane_triple(block, U(LANES * SNAP + lane)), block[LANES * YAW + lane]
     before = lane_state(block, U(lane))
-    s = before[0:3] + struck(i, before[3:6], d, m) + before[6:20]
+    s = before[0:3] + struck(before[3:6], d, m) + before[6:20]
     for _ in range(steps):
-        given = lagged(i, held_wrench(s, snap, yaw_acceleration, plant.params, dt), d, m)
+        given = lagged(held_wrench(s, snap, yaw_acceleration, plant.params, dt), d, m)
         after, is_clipped = limited_step(pushed(s, air, d), given, vehicle, rotors, dt)
         after = pushed(after, air, d)
         if is_clipped:
@@ -150,45 +162,29 @@ def fly_row(block, lane, i, spheres, substeps, plant, rotors, d, m):
         s = after
         record_step(block, lane, spheres, s, dt)
     store_lane(block, U(lane), s)
-    m.age[i, 0] += 1
-    m.age[i, 1] += steps
+    m["periods"] += 1
+    m["steps"] += steps
 
 
 @kernel
-def advance_disturbed_batch(
-    constants,
-    rotors,
-    substeps,
-    numbers,
-    m,
-    closes,
-    states,
-    snap,
-    yaw_acceleration,
-    goal,
-    center,
-    radius,
-    table,
-    outcome,
-    flags,
-):
-    """Hold snap and yaw acceleration for a control period; the last one of a policy step closes it."""
-    plant, d, spheres = unpacked(constants), unpacked_disturbance(numbers), radius.shape[1]
+def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_memory, weather):
+    """Hold what is flown for a control period, as ``advance_batch`` does; observations are not written.
+
+    ``disturbance`` is a ``Disturbance``, raveled, and ``weather`` (N,) of the dtype ``MEMORY``.
+    """
+    plant, d = unraveled(numbers, Plant), unraveled(disturbance, Disturbance)
+    rows, scenes = rows_in(borrowed(memory)), columns_in(borrowed(scene_memory))
+    spheres = scenes.sphere_count
     block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
-    rows = flat_rows(states, goal, center, radius)
-    for first in range(0, states.shape[0], LANES):
-        count = min(LANES, states.shape[0] - first)
-        load_rows(block, first, count, spheres, rows)
-        load_wishes(block, first, count, snap, yaw_acceleration, table, plant.yaw)
+    for first in range(0, weather.shape[0], LANES):
+        count = min(LANES, weather.shape[0] - first)
+        load_rows(block, first, count, rows.state, scenes)
+        load_flown(block, first, count, weather)
+        open_period(block, first, count, rows.table, plant.yaw)
         for lane in range(count):
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
-                fly_row(block, lane, first + lane, spheres, substeps, plant, rotors, d, m)
-        from_lanes(block, I(0), rows[0], I(STATE_SIZE), first, count)
-        measure_gaps(block, count, spheres, gaps)
-        record_period(block, gaps, count, plant.dt)
+                fly_row(block, lane, spheres, plant, rotors, d, weather[first + lane])
+        close_period(block, gaps, first, count, spheres, plant, rows)
         if closes:
-            measure_here(block, count, spheres, gaps)
-            close_lanes(block, gaps, count, plant, flag_block)
-            store_closed(block, flag_block, first, count, outcome, flags)
-        for k in range(U(LANES * LINES)):
-            table[U(first * LINES) + k] = block[U(LANES * TABLE) + k]
+            close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
+        store_table(block, first, rows.table)

@@ -2,18 +2,19 @@
 
 Every draw is a hash of the scene's integer, and of the number of control periods flown where it is not one of
 the whole episode. So nothing random is remembered, and a scene flown again is the same flight.
+
+In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``MEMORY``.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import add, norm, scale
+from quadsafe_core.kernels.vec3 import add, norm, scale, vector, write3
 from quadsafe_core.maths.counter_rng import Key, derived_key, uniform
-from quadsafe_env.disturbances.disturbance import GUST_LENGTH, GUST_PERIOD, unpacked_disturbance
+from quadsafe_env.disturbances.disturbance import GUST_LENGTH, GUST_PERIOD, Disturbance
+from quadsafe_env.simulation.ravel import unraveled
 from quadsafe_env.tasks.conditions import TURBULENCE_LIMIT
 from quadsafe_env.vehicle.actions import velocity_feedback
 
@@ -24,44 +25,39 @@ BIAS, WIND, GAIN, MASS, INERTIA, CALM, GUSTS = 0, 8, 10, 11, 12, 13, 32
 # Counters of a control period's draws, of which there are at most this many; an error takes three.
 PER_PERIOD = 32
 ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
-# Entries of what is drawn for an episode: four biases, the wind, and three factors.
-WIND_AT, GAIN_AT, MASS_AT, INERTIA_AT, DRAWN = 12, 15, 16, 17, 18
 
-
-class Memory(NamedTuple):
-    """What N rows remember of their conditions.
-
-    | field      | shape     | meaning                                                                 |
-    |------------|-----------|-------------------------------------------------------------------------|
-    | keys       | (N, 4)    | keys of the draws of the episode and of its periods                     |
-    | drawn      | (N, 18)   | biases, wind, gain, and factors of mass and inertia                     |
-    | age        | (N, 2)    | control periods and physics steps flown in the episode                  |
-    | turbulence | (N, 3)    | the Gauss–Markov noise, before its limit, m/s²                          |
-    | wrench     | (N, 4)    | the lagged wrench                                                       |
-    | through    | (N, 4)    | snap and yaw acceleration that got through last                         |
-    | line       | (N, k, 4) | the delay line of snaps and yaw accelerations                           |
-    """
-
-    keys: NDArray[np.int64]
-    drawn: NDArray[np.float64]
-    age: NDArray[np.int64]
-    turbulence: NDArray[np.float64]
-    wrench: NDArray[np.float64]
-    through: NDArray[np.float64]
-    line: NDArray[np.float64]
-
-
-def memory_of(n: int, delay: int) -> Memory:
-    """Memory of ``n`` rows."""
-    return Memory(
-        keys=np.zeros((n, 4), dtype=np.int64),
-        drawn=np.zeros((n, DRAWN)),
-        age=np.zeros((n, 2), dtype=np.int64),
-        turbulence=np.zeros((n, 3)),
-        wrench=np.zeros((n, 4)),
-        through=np.zeros((n, 4)),
-        line=np.zeros((n, delay, 4)),
-    )
+# What each of N rows remembers of its conditions: an array of records, (N,).
+#
+# | field      | of a row | meaning                                                                 |
+# |------------|----------|-------------------------------------------------------------------------|
+# | keys       | 4        | keys of the draws of the episode and of its periods, two words each     |
+# | bias       | 4 × 3    | constant errors of the flat state, m, m/s, m/s², m/s³                   |
+# | wind       | 3        | constant acceleration, m/s²                                             |
+# | gain       |          | snap flown over snap answered                                           |
+# | mass       |          | true over believed mass                                                 |
+# | inertia    |          | true over believed moments of inertia                                   |
+# | periods    |          | control periods flown in the episode                                    |
+# | steps      |          | physics steps flown in the episode                                      |
+# | turbulence | 3        | the Gauss–Markov noise, before its limit, m/s²                          |
+# | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
+# | through    | 4        | snap, m/s⁴, and yaw acceleration, rad/s², that got through last         |
+# | flown      | 4        | snap and yaw acceleration that are flown in this period                 |
+MEMORY = np.dtype(
+    [
+        ("keys", np.int64, 4),
+        ("bias", np.float64, (4, 3)),
+        ("wind", np.float64, 3),
+        ("gain", np.float64),
+        ("mass", np.float64),
+        ("inertia", np.float64),
+        ("periods", np.int64),
+        ("steps", np.int64),
+        ("turbulence", np.float64, 3),
+        ("wrench", np.float64, 4),
+        ("through", np.float64, 4),
+        ("flown", np.float64, 4),
+    ]
+)
 
 
 @inline_kernel
@@ -94,53 +90,55 @@ def normal_triple(key, counter, deviation):
 
 
 @inline_kernel
-def episode_key(m, i):
-    """Key of the draws of row i that hold for the episode."""
-    return Key(m.keys[i, 0], m.keys[i, 1])
+def episode_key(m):
+    """Key of the draws of a row that hold for the episode."""
+    return Key(m["keys"][0], m["keys"][1])
 
 
 @inline_kernel
-def period_key(m, i):
-    """Key of the draws of row i in its control periods; where those of the present one begin."""
-    return Key(m.keys[i, 2], m.keys[i, 3]), PER_PERIOD * m.age[i, 0]
+def period_key(m):
+    """Key of the draws of a row in its control periods; where those of the present one begin."""
+    return Key(m["keys"][2], m["keys"][3]), PER_PERIOD * m["periods"]
 
 
 @kernel
-def draw_rows(rows, words, numbers, m):
-    """Draw what holds for the episode of rows that begin one, and forget the last one."""
-    d = unpacked_disturbance(numbers)
+def draw_rows(rows, words, numbers, memory, line):
+    """Draw what holds for the episode of rows that begin one, and forget the last one.
+
+    Here and below ``numbers`` are a ``Disturbance``, raveled; ``memory`` (N,) is of the dtype ``MEMORY``, and
+    ``line`` (N, k, 4) the delay line of snaps and yaw accelerations. ``words`` are (N, 2).
+    """
+    d = unraveled(numbers, Disturbance)
     for i in rows:
-        base = derived_key(Key(words[i, 0], words[i, 1]), STREAM)
+        m, base = memory[i], derived_key(Key(words[i, 0], words[i, 1]), STREAM)
         key, later = derived_key(base, 0), derived_key(base, 1)
-        m.keys[i, 0], m.keys[i, 1], m.keys[i, 2], m.keys[i, 3] = key.low, key.high, later.low, later.high
-        m.age[i], m.wrench[i], m.through[i], m.line[i] = 0, 0.0, 0.0, 0.0
-        wind, calm = directed(key, WIND, d.wind), normal_triple(key, CALM, d.turbulence)
+        keys = m["keys"]
+        keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
+        m["periods"], m["steps"] = 0, 0
+        m["wrench"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0
         for order in range(4):
-            bias = directed(key, BIAS + 2 * order, d.bias[order])
-            for axis in range(3):
-                m.drawn[i, 3 * order + axis] = bias[axis]
-        for axis in range(3):
-            m.drawn[i, WIND_AT + axis], m.turbulence[i, axis] = wind[axis], calm[axis]
-        m.drawn[i, GAIN_AT] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
-        m.drawn[i, MASS_AT] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
-        m.drawn[i, INERTIA_AT] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
+            write3(m["bias"][order], directed(key, BIAS + 2 * order, d.bias[order]))
+        write3(m["wind"], directed(key, WIND, d.wind))
+        write3(m["turbulence"], normal_triple(key, CALM, d.turbulence))
+        m["gain"] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
+        m["mass"] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
+        m["inertia"] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
 
 
 @inline_kernel
-def error_of(i, order, d, m):
-    """The present error of the estimate of a derivative of the position of row i: noise plus bias."""
-    key, n = period_key(m, i)
-    noise, at = in_ball(key, n + ERROR + 3 * order, d.noise[order]), 3 * order
-    return add(noise, (m.drawn[i, at], m.drawn[i, at + 1], m.drawn[i, at + 2]))
+def error_of(order, d, m):
+    """The present error of the estimate of a derivative of the position of a row: noise plus bias."""
+    key, n = period_key(m)
+    return add(in_ball(key, n + ERROR + 3 * order, d.noise[order]), vector(m["bias"][order]))
 
 
 @kernel
-def estimate_batch(numbers, m, gains, flat, snap):
-    """Flat states with their errors, and snaps of the feedback ``gains`` from these; a nan stays nan."""
-    d = unpacked_disturbance(numbers)
+def estimate_batch(numbers, memory, gains, flat, snap):
+    """Flat states (N, 4, 3) with their errors, and snaps (N, 3) of the feedback from these; a nan stays nan."""
+    d = unraveled(numbers, Disturbance)
     for i in range(flat.shape[0]):
-        r, v = error_of(i, 0, d, m), error_of(i, 1, d, m)
-        a, j = error_of(i, 2, d, m), error_of(i, 3, d, m)
+        m = memory[i]
+        r, v, a, j = error_of(0, d, m), error_of(1, d, m), error_of(2, d, m), error_of(3, d, m)
         for axis in range(3):
             flat[i, 0, axis] += r[axis]
             flat[i, 1, axis] += v[axis]
@@ -150,53 +148,54 @@ def estimate_batch(numbers, m, gains, flat, snap):
 
 
 @kernel
-def estimated_states(rows, numbers, m, states):
-    """Estimated position and velocity in place of the true ones, in the given rows."""
-    d = unpacked_disturbance(numbers)
+def estimated_states(rows, numbers, memory, states):
+    """Estimated position and velocity in place of the true ones, in the given rows of states (N, 20)."""
+    d = unraveled(numbers, Disturbance)
     for i in rows:
-        r, v = error_of(i, 0, d, m), error_of(i, 1, d, m)
+        r, v = error_of(0, d, memory[i]), error_of(1, d, memory[i])
         for axis in range(3):
             states[i, axis] += r[axis]
             states[i, 3 + axis] += v[axis]
 
 
 @kernel
-def lost_batch(numbers, m, lost):
-    """Whether the answer of the present period is lost."""
-    d = unpacked_disturbance(numbers)
+def lost_batch(numbers, memory, lost):
+    """Whether the answer of the present period is lost, (N,)."""
+    d = unraveled(numbers, Disturbance)
     for i in range(lost.shape[0]):
-        key, n = period_key(m, i)
+        key, n = period_key(memory[i])
         lost[i] = uniform(key, n + LOSS, 0.0, 1.0) < d.loss
 
 
 @kernel
-def deliver_batch(m, snap, yaw_acceleration, lost, backup, flown, flown_yaw):
-    """What is flown of the answers: past losses, the delay line and the gain.
+def deliver_batch(memory, line, lost, snap, yaw_acceleration, backup):
+    """What is flown of the answers, snaps (N, 3) and yaw accelerations (N,): past losses, delay and gain.
 
-    In place of a lost answer stand its snap in ``backup``, or without any the last one that got through, and
-    the last yaw acceleration that did.
+    In place of a lost answer stand its snap in ``backup`` (N, 3), or without any, (0, 3), the last one that got
+    through, and the last yaw acceleration that did.
     """
-    delay = m.line.shape[1]
+    delay = line.shape[1]
     for i in range(snap.shape[0]):
+        m = memory[i]
+        through, flown, gain = m["through"], m["flown"], m["gain"]
         if not lost[i]:
-            m.through[i, 0], m.through[i, 1], m.through[i, 2] = snap[i, 0], snap[i, 1], snap[i, 2]
-            m.through[i, 3] = yaw_acceleration[i]
-        x, y, z, turn = m.through[i, 0], m.through[i, 1], m.through[i, 2], m.through[i, 3]
+            through[0], through[1], through[2] = snap[i, 0], snap[i, 1], snap[i, 2]
+            through[3] = yaw_acceleration[i]
+        x, y, z, turn = through[0], through[1], through[2], through[3]
         if lost[i] and backup.shape[0] > 0:
             x, y, z = backup[i, 0], backup[i, 1], backup[i, 2]
         if delay > 0:
-            place = m.line[i, m.age[i, 0] % delay]
+            place = line[i, m["periods"] % delay]
             (x, place[0]), (y, place[1]) = (place[0], x), (place[1], y)
             (z, place[2]), (turn, place[3]) = (place[2], z), (place[3], turn)
-        gain = m.drawn[i, GAIN_AT]
-        flown[i, 0], flown[i, 1], flown[i, 2], flown_yaw[i] = gain * x, gain * y, gain * z, turn
+        flown[0], flown[1], flown[2], flown[3] = gain * x, gain * y, gain * z, turn
 
 
 @inline_kernel
-def gust_of(i, time, d, m):
-    """Acceleration of the gust of row i at a time of the episode: (1 − cos)/2 over its length."""
+def gust_of(time, d, m):
+    """Acceleration of the gust of a row at a time of the episode, s: (1 − cos)/2 over its length."""
     window = math.floor(time / GUST_PERIOD)
-    key, n = episode_key(m, i), GUSTS + 3 * window
+    key, n = episode_key(m), GUSTS + 3 * window
     begin = window * GUST_PERIOD + uniform(key, n, 0.0, GUST_PERIOD - GUST_LENGTH)
     phase = (time - begin) / GUST_LENGTH
     if d.gust == 0.0 or phase <= 0.0 or phase >= 1.0:
@@ -205,16 +204,16 @@ def gust_of(i, time, d, m):
 
 
 @inline_kernel
-def air_of(i, time, d, m):
-    """Acceleration by the air in the present period of row i, and a step of its turbulence."""
-    wind = (m.drawn[i, WIND_AT], m.drawn[i, WIND_AT + 1], m.drawn[i, WIND_AT + 2])
+def air_of(time, d, m):
+    """Acceleration by the air in the present period of a row, m/s², and a step of its turbulence."""
+    wind = vector(m["wind"])
     if d.turbulence == 0.0:
-        return add(wind, gust_of(i, time, d, m))
-    rough = (m.turbulence[i, 0], m.turbulence[i, 1], m.turbulence[i, 2])
-    most, (key, n) = TURBULENCE_LIMIT * d.turbulence, period_key(m, i)
+        return add(wind, gust_of(time, d, m))
+    rough = vector(m["turbulence"])
+    most, (key, n) = TURBULENCE_LIMIT * d.turbulence, period_key(m)
     white = normal_triple(key, n + WHITE, d.turbulence * math.sqrt(1.0 - d.turbulence_kept**2))
     for axis in range(3):
-        m.turbulence[i, axis] = d.turbulence_kept * rough[axis] + white[axis]
+        m["turbulence"][axis] = d.turbulence_kept * rough[axis] + white[axis]
     size = norm(rough)
     felt = scale(most / size, rough) if size > most else rough
-    return add(add(wind, gust_of(i, time, d, m)), felt)
+    return add(add(wind, gust_of(time, d, m)), felt)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_env.pictures.film import NO_PAST, Past
 from quadsafe_env.pictures.sprites import (
     BOTTOM,
     SIZE,
@@ -26,6 +25,7 @@ from quadsafe_env.pictures.sprites import (
     pygame,
     shell,
 )
+from quadsafe_env.pictures.trail import NO_PAST, Past
 from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.tasks.reward import GOAL_RADIUS
 from quadsafe_env.vehicle.params import QuadrotorParams

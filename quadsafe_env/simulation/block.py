@@ -10,6 +10,9 @@
 | 29:43     | what is told of the row: the lines of the table of ``episode``         |
 | 43 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
 |           | the period, from ``measure_gaps`` on the distance to its surface       |
+
+Of a block are flown the lanes ``0:count``, rows ``first … first + count`` of a world; ``spheres`` is the number
+K, ``plant`` a ``Plant``, ``rotors`` the fields of ``Rotors`` or None. Gaps are a line of sixteen numbers, m.
 """
 
 import math
@@ -54,16 +57,16 @@ def sphere_at(k):
 
 
 @inline_kernel
-def fill_spheres(block, first, count, spheres, centers, radii):
-    """The spheres of rows first … first + count, of flat arrays; no distance to them so far."""
-    spheres = U(spheres)
+def fill_spheres(block, first, count, scenes):
+    """The spheres of rows first … first + count; no distance to them so far."""
+    spheres = U(scenes.sphere_count)
     for k in range(spheres):
         at, place = sphere_at(k), U(first) * spheres + k
         for i in range(U(count)):
-            block[at + i] = centers[U(3) * place]
-            block[at + i + U(LANES)] = centers[U(3) * place + U(1)]
-            block[at + i + U(2 * LANES)] = centers[U(3) * place + U(2)]
-            block[at + i + U(LANES * 3)], block[at + i + U(LANES * 4)] = radii[place], math.inf
+            block[at + i] = scenes.center[U(3) * place]
+            block[at + i + U(LANES)] = scenes.center[U(3) * place + U(1)]
+            block[at + i + U(2 * LANES)] = scenes.center[U(3) * place + U(2)]
+            block[at + i + U(LANES * 3)], block[at + i + U(LANES * 4)] = scenes.radius[place], math.inf
             place += spheres
 
 

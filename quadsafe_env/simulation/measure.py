@@ -1,9 +1,13 @@
 """The first half of a control period: from actions and states to desired snaps, the waist before the filter."""
 
 import math
+from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block, to_lanes, wide_vectors
 from quadsafe_env.simulation.block import (
@@ -17,7 +21,9 @@ from quadsafe_env.simulation.block import (
     SATURATED,
     SPINNING,
 )
-from quadsafe_env.simulation.plant import unpacked
+from quadsafe_env.simulation.plant import Plant
+from quadsafe_env.simulation.ravel import unraveled
+from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.vehicle.actions import snap_law, velocity_law, wrench_law
 from quadsafe_env.vehicle.flatness import flat_from_state
@@ -37,15 +43,15 @@ def clipped(asked):
 
 
 @inline_kernel
-def command_rows(block, first, count, actions, plant, is_shielded, commands, table):
+def command_rows(block, first, count, actions, scale, flies_anyway, rows):
     """Open a policy step: actions clipped to [−1, 1] and scaled, rows whose action is not finite marked.
 
-    A row with such an action is not stepped, unless a shield is there to answer it.
+    A row with such an action is not stepped, unless it ``flies_anyway``, 1.0: a shield is there to answer it.
     """
     for k in range(U(4)):
         for i in range(U(count)):
             block[U(LANES) * (U(COMMAND) + k) + i] = actions[U(first) + i, k]
-    scale, flies_anyway, at = plant.scale, 1.0 if is_shielded else 0.0, U(first * LINES)
+    table, at = rows.table, U(first * LINES)
     for i in range(U(count)):
         x, y, z = lane_triple(block, i + U(LANES * COMMAND))
         w = block[i + U(LANES * (COMMAND + 3))]
@@ -63,18 +69,7 @@ def command_rows(block, first, count, actions, plant, is_shielded, commands, tab
         table[at + U(LANES * CRASH) + i], table[at + U(LANES * SATURATED) + i] = 0.0, 0.0
         table[at + U(LANES * SPINNING) + i] = 0.0
     for k in range(U(4 * LANES)):
-        commands[U(4 * first) + k] = block[U(LANES * COMMAND) + k]
-
-
-@inline_kernel
-def load_measured(block, first, count, opens, is_shielded, actions, plant, rows, commands, table):
-    """States and commands of rows first … first + count into a block."""
-    to_lanes(rows, I(STATE_SIZE), first, count, block, I(0))
-    if opens:
-        command_rows(block, first, count, actions, plant, is_shielded, commands, table)
-    else:
-        for k in range(U(4 * LANES)):
-            block[U(LANES * COMMAND) + k] = commands[U(4 * first) + k]
+        rows.command[U(4 * first) + k] = block[U(LANES * COMMAND) + k]
 
 
 @inline_kernel
@@ -95,66 +90,83 @@ def store_measured(block, i, flat, wish):
 
 
 @inline_kernel
-def give_measured(block, first, count, table, flat, snap, yaw_acceleration):
-    """Flat states and wishes of the lanes into rows of flat arrays; an invalid action wishes no snap."""
-    from_lanes(block, I(FLAT), flat, I(12), first, count)
-    from_lanes(block, I(WISH), snap, I(3), first, count)
+def give_measured(block, first, count, rows):
+    """Flat states and wishes of the lanes into their rows; an invalid action wishes no snap."""
+    from_lanes(block, I(FLAT), rows.flat, I(12), first, count)
+    from_lanes(block, I(WISH), rows.snap, I(3), first, count)
     refused = 0
     for i in range(U(count)):
-        yaw_acceleration[U(first) + i] = block[U(LANES * (WISH + 3)) + i]
-        refused += 1 if table[U(first * LINES + LANES * INVALID) + i] > 0.0 else 0
+        rows.yaw_acceleration[U(first) + i] = block[U(LANES * (WISH + 3)) + i]
+        refused += 1 if rows.table[U(first * LINES + LANES * INVALID) + i] > 0.0 else 0
     for i in range(count if refused > 0 else 0):
-        if table[first * LINES + LANES * INVALID + i] > 0.0:
-            snap[3 * (first + i)] = snap[3 * (first + i) + 1] = snap[3 * (first + i) + 2] = np.nan
+        if rows.table[first * LINES + LANES * INVALID + i] > 0.0:
+            at = 3 * (first + i)
+            rows.snap[at] = rows.snap[at + 1] = rows.snap[at + 2] = np.nan
+
+
+@inline_kernel
+def measure_rows(law, numbers, opens, is_shielded, memory, actions):
+    """Flat states, desired snaps and yaw accelerations of every row under a law of ``vehicle.actions``.
+
+    Args:
+        law: (state, command, params, gains) → snap and yaw acceleration.
+        numbers: a ``Plant``, raveled.
+        opens: whether it is the first period of a policy step: then the actions become commands.
+        is_shielded: whether rows fly though their action is not finite.
+        memory: of the rows, see ``Rows``.
+        actions: (N, 4), float32.
+    """
+    plant, rows, block = unraveled(numbers, Plant), rows_in(borrowed(memory)), new_block(I(ENTRIES))
+    flies_anyway = 1.0 if is_shielded else 0.0
+    for first in range(0, actions.shape[0], LANES):
+        count = min(LANES, actions.shape[0] - first)
+        to_lanes(rows.state, I(STATE_SIZE), first, count, block, I(0))
+        if opens:
+            command_rows(block, first, count, actions, plant.scale, flies_anyway, rows)
+        else:
+            for k in range(U(4 * LANES)):
+                block[U(LANES * COMMAND) + k] = rows.command[U(4 * first) + k]
+        for i in range(U(count)):
+            s, command = lane_state(block, i), lane_command(block, i)
+            wish = law(s, command, plant.params, plant.gains)
+            store_measured(block, i, flat_from_state(s, plant.params), wish)
+        give_measured(block, first, count, rows)
 
 
 @kernel
-def measure_velocity(
-    constants, opens, is_shielded, actions, states, commands, table, flat, snap, yaw_acceleration
-):
-    """Flat states, desired snaps and yaw accelerations, see ``velocity_law``; the first period opens a step."""
+def measure_velocity(numbers, opens, is_shielded, memory, actions):
+    """``measure_rows`` under ``velocity_law``."""
     wide_vectors()
-    plant, block, rows = unpacked(constants), new_block(I(ENTRIES)), states.reshape(-1)
-    flat_rows, snap_rows = flat.reshape(-1), snap.reshape(-1)
-    for first in range(0, states.shape[0], LANES):
-        count = min(LANES, states.shape[0] - first)
-        load_measured(block, first, count, opens, is_shielded, actions, plant, rows, commands, table)
-        for i in range(U(count)):
-            s, command = lane_state(block, i), lane_command(block, i)
-            store_measured(block, i, flat_from_state(s, plant.params), velocity_law(s, command, plant))
-        give_measured(block, first, count, table, flat_rows, snap_rows, yaw_acceleration)
+    measure_rows(velocity_law, numbers, opens, is_shielded, memory, actions)
 
 
 @kernel
-def measure_snap(constants, opens, is_shielded, actions, states, commands, table, flat, snap, yaw_acceleration):
-    """Flat states, desired snaps and yaw accelerations, see ``snap_law``; the first period opens a step."""
+def measure_snap(numbers, opens, is_shielded, memory, actions):
+    """``measure_rows`` under ``snap_law``."""
     wide_vectors()
-    plant, block, rows = unpacked(constants), new_block(I(ENTRIES)), states.reshape(-1)
-    flat_rows, snap_rows = flat.reshape(-1), snap.reshape(-1)
-    for first in range(0, states.shape[0], LANES):
-        count = min(LANES, states.shape[0] - first)
-        load_measured(block, first, count, opens, is_shielded, actions, plant, rows, commands, table)
-        for i in range(U(count)):
-            s, command = lane_state(block, i), lane_command(block, i)
-            store_measured(block, i, flat_from_state(s, plant.params), snap_law(s, command, plant))
-        give_measured(block, first, count, table, flat_rows, snap_rows, yaw_acceleration)
+    measure_rows(snap_law, numbers, opens, is_shielded, memory, actions)
 
 
 @kernel
-def measure_wrench(
-    constants, opens, is_shielded, actions, states, commands, table, flat, snap, yaw_acceleration
-):
-    """Flat states, desired snaps and yaw accelerations, see ``wrench_law``; the first period opens a step."""
+def measure_wrench(numbers, opens, is_shielded, memory, actions):
+    """``measure_rows`` under ``wrench_law``."""
     wide_vectors()
-    plant, block, rows = unpacked(constants), new_block(I(ENTRIES)), states.reshape(-1)
-    flat_rows, snap_rows = flat.reshape(-1), snap.reshape(-1)
-    for first in range(0, states.shape[0], LANES):
-        count = min(LANES, states.shape[0] - first)
-        load_measured(block, first, count, opens, is_shielded, actions, plant, rows, commands, table)
-        for i in range(U(count)):
-            s, command = lane_state(block, i), lane_command(block, i)
-            store_measured(block, i, flat_from_state(s, plant.params), wrench_law(s, command, plant))
-        give_measured(block, first, count, table, flat_rows, snap_rows, yaw_acceleration)
+    measure_rows(wrench_law, numbers, opens, is_shielded, memory, actions)
 
 
-MEASURES = {"velocity": measure_velocity, "snap": measure_snap, "wrench": measure_wrench}
+class Measure(Protocol):
+    """An action interface at work: from actions and states to what a filter is given, see ``measure_rows``."""
+
+    def __call__(
+        self,
+        numbers: NDArray[np.float64],
+        opens: bool,
+        is_shielded: bool,
+        memory: NDArray[np.float64],
+        actions: NDArray[np.float32],
+    ) -> None:
+        """Write flat states, desired snaps and yaw accelerations into the memory."""
+        ...
+
+
+MEASURES: Mapping[str, Measure] = {"velocity": measure_velocity, "snap": measure_snap, "wrench": measure_wrench}

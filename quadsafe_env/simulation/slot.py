@@ -1,6 +1,7 @@
 """The slot between the desired and the safe snap: what fills it, and the empty one."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,21 +35,13 @@ def safe_snaps(answer: Filtered, n: int) -> NDArray[np.float64]:
 
 # What ``done`` says where no filter acts.
 NOTHING_DONE = (False, -1)
+# Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
+Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
+Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
 
 
-class SnapFilter(Protocol):
-    """The slot between the desired and the safe snap, called once per control period.
-
-    A filter that wants to be seen in pictures also has a read-only attribute ``done``: whether it changed the
-    snap since the policy step began, (N,), and the sphere that asked for the largest correction, (N,), −1 for
-    none.
-
-    A filter whose answers may be lost (``quadsafe_env.tasks.conditions``) may have a method
-    ``backup(mask) -> (N, 3)``: the snaps that a watchdog on board flies instead, in the rows of ``mask``, (N,)
-    bool. It is called directly after ``filter`` of the same period, where an answer was lost, and before the
-    delay line; other rows of what it returns are not read. Without it the last snap that got through is flown
-    again, at first 0; with None in its place too.
-    """
+class MinimalFilter(Protocol):
+    """What may be put in the slot between the desired and the safe snap, called once per control period."""
 
     def filter(self, flat, center, radius, snap, period: float) -> Filtered:
         """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
@@ -63,6 +56,25 @@ class SnapFilter(Protocol):
         ...
 
 
+class SnapFilter(MinimalFilter, Protocol):
+    """All that the slot is asked. A filter needs ``filter`` and ``reset``; the rest is answered for it."""
+
+    @property
+    def done(self) -> Done:
+        """What it did since the policy step began, for pictures: by itself nothing, ``NOTHING_DONE``."""
+        ...
+
+    @property
+    def backup(self) -> Backup | None:
+        """The snaps that a watchdog on board flies where an answer was lost: ``quadsafe_env.tasks.conditions``.
+
+        ``backup(mask) -> (N, 3)`` is called directly after ``filter`` of the same period, where an answer was
+        lost in the rows of ``mask``, (N,) bool, and before the delay line; other rows of what it returns are
+        not read. With None the last snap that got through is flown again, at first 0.
+        """
+        ...
+
+
 class Passed(NamedTuple):
     """The answer of ``PassThrough``."""
 
@@ -72,7 +84,8 @@ class Passed(NamedTuple):
 class PassThrough:
     """The empty slot: the desired snap is applied."""
 
-    done = NOTHING_DONE
+    done: Done = NOTHING_DONE
+    backup: Backup | None = None
 
     def filter(self, flat, center, radius, snap, period):
         """Return the desired snap."""
@@ -80,3 +93,36 @@ class PassThrough:
 
     def reset(self, mask):
         """Nothing to forget."""
+
+
+class Completed:
+    """A filter that lacks ``done`` or ``backup``, with those of the empty slot in their place."""
+
+    def __init__(self, given: MinimalFilter):
+        self._given = given
+        self._done: Any = given if hasattr(given, "done") else PassThrough
+        self._backup: Any = given if hasattr(given, "backup") else PassThrough
+
+    def filter(self, flat, center, radius, snap, period):
+        """See ``MinimalFilter``."""
+        return self._given.filter(flat, center, radius, snap, period)
+
+    def reset(self, mask):
+        """See ``MinimalFilter``."""
+        self._given.reset(mask)
+
+    @property
+    def done(self) -> Done:
+        """See ``SnapFilter``."""
+        return self._done.done
+
+    @property
+    def backup(self) -> Backup | None:
+        """See ``SnapFilter``."""
+        return self._backup.backup
+
+
+def completed(given: MinimalFilter) -> SnapFilter:
+    """A filter that can be asked all, the given one if it can."""
+    is_complete = hasattr(given, "done") and hasattr(given, "backup")
+    return cast(SnapFilter, given) if is_complete else Completed(given)

@@ -8,28 +8,37 @@ the safe one over the control period at the physics rate. With or without a filt
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.kernels.lanes import LANES, aligned_rows
-from quadsafe_env.simulation.block import LINES
-from quadsafe_env.simulation.episode import (
-    FLAGS,
+from quadsafe_env.simulation.batches import (
     advance_batch,
     begin_rows,
     next_words,
     observe_rows,
     place_rows,
 )
-from quadsafe_env.simulation.measure import MEASURES
-from quadsafe_env.simulation.plant import Plant, packed
+from quadsafe_env.simulation.measure import MEASURES, Measure
+from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
-from quadsafe_env.simulation.slot import Filtered, Passed, PassThrough, SnapFilter, safe_snaps
+from quadsafe_env.simulation.ravel import raveled
+from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, rows_of
+from quadsafe_env.simulation.slot import (
+    Filtered,
+    MinimalFilter,
+    Passed,
+    PassThrough,
+    SnapFilter,
+    completed,
+    safe_snaps,
+)
 from quadsafe_env.tasks.conditions import OFF, Conditions
 from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
-from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Scenes, Task
+from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
+from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Task
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -51,7 +60,11 @@ INFO_KEYS = (
     "spinning",
 )
 
-__all__ = ["Filtered", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
+COLUMNS = frozenset(
+    ["states", "scenes", "outcomes", "flags", "_flat", "_snap", "_yaw_acceleration", "_table", "_commands"]
+)
+
+__all__ = ["Filtered", "MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
 
 
 class World:
@@ -85,15 +98,16 @@ class World:
         check_rates(rates)
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
-        self._periods, self._substeps = rates.control // rates.policy, rates.physics // rates.control
+        self._periods = rates.control // rates.policy
         self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
-        self.snap_filter: SnapFilter = PassThrough()
+        self.snap_filter = PassThrough()
         self.action_scale = np.array(action_scale(action, params))
-        self._action, self.rotor_limits = action, rotor_limits
+        self._measure: Measure = MEASURES[action]
+        self.rotor_limits = rotor_limits
         # Without limits the kernels are compiled without the rotors.
         self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
         self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
-        self._constants = packed(
+        self._plant = raveled(
             Plant(
                 params=params,
                 gains=velocity_gains(self.control_period),
@@ -101,6 +115,7 @@ class World:
                 low=task.low,
                 high=task.high,
                 dt=1.0 / rates.physics,
+                substeps=rates.physics // rates.control,
                 ends_at_goal=task.ends_at_goal,
                 terminate_on_violation=terminate_on_violation,
                 yaw=self.yaw_hold_at(1.0 / rates.physics),
@@ -116,22 +131,40 @@ class World:
 
     def _allocate(self, k: int) -> None:
         n = self.n
-        self.states = aligned_rows(n, STATE_SIZE)
-        self.scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
-        self.words = np.zeros((n, 2), dtype=np.int64)
-        self.outcomes, self.flags = np.zeros((3, n)), np.zeros((FLAGS, n), dtype=np.bool_)
-        self._seeds = np.zeros((n, 2), dtype=np.int64)
+        self._memory, self._scene_memory = memory_of(n), scene_memory(n, k)
+        self.words, self._seeds = np.zeros((n, 2), dtype=np.int64), np.zeros((n, 2), dtype=np.int64)
         self._episodes = np.zeros(n, dtype=np.int64)
-        blocks = -(-n // LANES)
-        self._table, self._commands = np.zeros(blocks * LANES * LINES), np.zeros(blocks * LANES * 4)
-        self._flat = np.zeros((n, 4, 3))
-        self._snap, self._yaw_acceleration = np.zeros((n, 3)), np.zeros(n)
-        place_rows(np.arange(n), self._constants, self.scenes.start, self.states)
+        self._name_columns()
+        place_rows(np.arange(n), self._plant, self._memory, self._scene_memory)
+
+    def _name_columns(self) -> None:
+        """The columns of the memory as arrays of their shapes; those in ``COLUMNS`` are views of it."""
+        n, rows = self.n, rows_of(self._memory)
+        self.states = rows.state.reshape(-1, STATE_SIZE)[:n]
+        self._flat, self._snap = rows.flat.reshape(-1, 4, 3)[:n], rows.snap.reshape(-1, 3)[:n]
+        self._yaw_acceleration = rows.yaw_acceleration[:n]
+        self.outcomes = rows.outcome.reshape(OUTCOMES, -1)[:, :n]
+        self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
+        self._table, self._commands = rows.table, rows.command
+        self.scenes = scenes_of(self._scene_memory)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name not in COLUMNS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # A copy of a view is a view of nothing.
+        self.__dict__.update(state)
+        self._name_columns()
 
     @property
-    def is_shielded(self) -> bool:
-        """Whether the filter slot is taken."""
-        return not isinstance(self.snap_filter, PassThrough)
+    def snap_filter(self) -> MinimalFilter:
+        """The filter in the slot, as it was put there."""
+        return self._snap_filter
+
+    @snap_filter.setter
+    def snap_filter(self, value: MinimalFilter) -> None:
+        self._snap_filter, self._slot = value, completed(value)
+        self.is_shielded = not isinstance(value, PassThrough)
 
     def flat_states(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3), a fresh array."""
@@ -186,7 +219,7 @@ class World:
 
     def restart(self, rows: NDArray[np.intp]) -> None:
         """Place the given rows at the start of their present scene."""
-        place_rows(rows, self._constants, self.scenes.start, self.states)
+        place_rows(rows, self._plant, self._memory, self._scene_memory)
         self._begin(rows)
 
     def start_from(self, states: NDArray[np.float64]) -> None:
@@ -196,30 +229,18 @@ class World:
 
     def _place(self, rows: NDArray[np.intp]) -> None:
         self._episodes[rows] += 1
-        self._source.draw(self.words, rows, self.scenes)
+        self._source.draw(self.words, rows, self._scene_memory)
         self.restart(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
-        begin_rows(
-            rows,
-            self._constants,
-            self.states,
-            *self._goal_and_spheres,
-            self._table,
-            self.outcomes,
-            self.flags,
-        )
+        begin_rows(rows, self._memory, self._scene_memory)
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
-        self.snap_filter.reset(mask)
-
-    @property
-    def _goal_and_spheres(self):
-        return self.scenes.goal, self.scenes.center, self.scenes.radius
+        self._slot.reset(mask)
 
     def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
         """Write the present observations of the given rows."""
-        observe_rows(rows, self._constants, self.states, *self._goal_and_spheres, observations)
+        observe_rows(rows, self._plant, self.states, self._scene_memory, observations)
 
     def observed(self) -> NDArray[np.float32]:
         """Present observations (N, observation_size), a fresh array."""
@@ -237,41 +258,18 @@ class World:
     def _control_period(
         self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
     ) -> None:
-        snap, yaw_acceleration = self._snap, self._yaw_acceleration
-        self._measure(actions, opens)
-        goal, center, radius = self._goal_and_spheres
-        answer = self.snap_filter.filter(self._flat, center, radius, snap, self.control_period)
-        advance_batch(
-            self._constants,
-            self._rotors,
-            self._substeps,
-            closes,
-            self.states,
-            safe_snaps(answer, self.n),
-            yaw_acceleration,
-            goal,
-            center,
-            radius,
-            self._table,
-            self.outcomes,
-            self.flags,
-            observations,
-        )
+        self._wish(actions, opens)
+        _, _, center, radius = self.scenes
+        answer = self._slot.filter(self._flat, center, radius, self._snap, self.control_period)
+        self._fly(safe_snaps(answer, self.n), observations, closes)
 
-    def _measure(self, actions: NDArray, opens: bool) -> None:
+    def _wish(self, actions: NDArray, opens: bool) -> None:
         """Flat states and desired snaps and yaw accelerations, from the states and the actions."""
-        MEASURES[self._action](
-            self._constants,
-            opens,
-            self.is_shielded,
-            actions,
-            self.states,
-            self._commands,
-            self._table,
-            self._flat,
-            self._snap,
-            self._yaw_acceleration,
-        )
+        self._measure(self._plant, opens, self.is_shielded, self._memory, actions)
+
+    def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
+        """Hold the safe snaps (N, 3) for the period; the last one of a policy step closes it."""
+        advance_batch(self._plant, self._rotors, closes, self._memory, self._scene_memory, snap, observations)
 
     def picture(self, row: int) -> NDArray[np.uint8] | None:
         """No picture: this world is not looked at."""

@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quadsafe_core.checks import checked_when_made, non_negative_number, one_of
+from quadsafe_env.vehicle.presets import from_mapping, from_sequence
 
 PROBABILITIES = ("loss",)
 FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
@@ -156,25 +157,10 @@ def conditions_from(value: "str | Mapping | Conditions | list | tuple | None") -
     if isinstance(value, str):
         return CONDITIONS[one_of("conditions", value, tuple(CONDITIONS))]
     if isinstance(value, Mapping):
-        return _completed(value)
+        return from_mapping("conditions", value, CONDITIONS, "off")
     if isinstance(value, tuple | list):
-        return _from_sequence(value)
+        return from_sequence("conditions", value, Conditions, len(Conditions._fields))
     raise TypeError(f"conditions must be a preset name, a mapping or Conditions, got {value!r}")
-
-
-def _completed(fields: Mapping) -> Conditions:
-    given = dict(fields)
-    preset = given.pop("preset", "off")
-    for name in given:
-        one_of("a field of conditions", name, Conditions._fields)
-    return CONDITIONS[one_of("conditions preset", preset, tuple(CONDITIONS))]._replace(**given)
-
-
-def _from_sequence(values: "tuple | list") -> Conditions:
-    if len(values) != len(Conditions._fields):
-        wanted = ", ".join(Conditions._fields)
-        raise ValueError(f"conditions as a sequence must hold {wanted}, got {len(values)} values")
-    return Conditions(*values)
 
 
 def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:

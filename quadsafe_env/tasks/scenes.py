@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import subtract
 from quadsafe_core.maths.counter_rng import Key, uniform
 from quadsafe_env.tasks.obstacles import Spheres, clearance, distance_to
+from quadsafe_env.tasks.scene_columns import columns_in, point, scenes_of, write_point
 
 # Starts and goals keep this distance from every keep-out sphere.
 FREE_SPACE = 0.15  # m
@@ -23,34 +25,35 @@ STRIDE = 8
 SPHERE_STREAM = 1 << 20
 
 
-class Scenes(NamedTuple):
-    """Scenes of N worlds: start (N, 3), goal (N, 3), keep-out centers (N, K, 3) and radii (N, K), m."""
+class Sizes(NamedTuple):
+    """Range of the radii of obstacles, m, and the radius of the vehicle that each keep-out sphere adds, m."""
 
-    start: NDArray[np.float64]
-    goal: NDArray[np.float64]
-    center: NDArray[np.float64]
-    radius: NDArray[np.float64]
+    least: float
+    greatest: float
+    vehicle: float
 
 
 @inline_kernel
-def write_point(row, x, y, z):
-    """Store a point in a row of three."""
-    row[0], row[1], row[2] = x, y, z
+def key_of(words, i):
+    """The key of row i of words (N, 2)."""
+    return Key(words[i, 0], words[i, 1])
 
 
 @kernel
-def flight_endpoints_batch(words, rows, attempt, start, goal):
+def flight_endpoints_batch(words, rows, attempt, memory):
     """Section VI of the paper: from (0, −1, 0) to (4, 1, 4)."""
+    scenes = columns_in(memory)
     for i in rows:
-        write_point(start[i], 0.0, -1.0, 0.0)
-        write_point(goal[i], 4.0, 1.0, 4.0)
+        write_point(scenes.start, i, 0.0, -1.0, 0.0)
+        write_point(scenes.goal, i, 4.0, 1.0, 4.0)
 
 
 @kernel
-def avoid_endpoints_batch(words, rows, attempt, start, goal):
+def avoid_endpoints_batch(words, rows, attempt, memory):
     """A start and a goal 3 to 4 m apart, up to 30° from the horizontal, about the origin."""
+    scenes = columns_in(memory)
     for i in rows:
-        key, n = Key(words[i, 0], words[i, 1]), STRIDE * attempt
+        key, n = key_of(words, i), STRIDE * attempt
         azimuth = uniform(key, n, -math.pi, math.pi)
         elevation = uniform(key, n + 1, -math.pi / 6, math.pi / 6)
         half = uniform(key, n + 2, 1.5, 2.0)
@@ -64,49 +67,54 @@ def avoid_endpoints_batch(words, rows, attempt, start, goal):
             half * math.cos(elevation) * math.sin(azimuth),
         )
         dz = half * math.sin(elevation)
-        write_point(start[i], x - dx, y - dy, z - dz)
-        write_point(goal[i], x + dx, y + dy, z + dz)
+        write_point(scenes.start, i, x - dx, y - dy, z - dz)
+        write_point(scenes.goal, i, x + dx, y + dy, z + dz)
 
 
 @kernel
-def avoid_spheres_batch(words, rows, start, goal, vehicle_radius, sizes, center, radius):
+def avoid_spheres_batch(words, rows, sizes, memory):
     """One sphere that the straight path from start to goal enters: offset by less than 0.7 of its keep-out."""
+    scenes = columns_in(memory)
     for i in rows:
-        key = Key(words[i, 0], words[i, 1])
+        key = key_of(words, i)
         along = uniform(key, SPHERE_STREAM, 0.4, 0.6)
-        keep_out = uniform(key, SPHERE_STREAM + 1, sizes[0], sizes[1]) + vehicle_radius
+        keep_out = uniform(key, SPHERE_STREAM + 1, sizes.least, sizes.greatest) + sizes.vehicle
         offset = uniform(key, SPHERE_STREAM + 2, 0.0, 0.7) * keep_out
         turn = uniform(key, SPHERE_STREAM + 3, -math.pi, math.pi)
-        dx, dy, dz = goal[i, 0] - start[i, 0], goal[i, 1] - start[i, 1], goal[i, 2] - start[i, 2]
+        start = point(scenes.start, i)
+        dx, dy, dz = subtract(point(scenes.goal, i), start)
         length, level = math.sqrt(dx * dx + dy * dy + dz * dz), math.sqrt(dx * dx + dy * dy)
         # Unit vectors across the path: one level, the other the product of the path with it.
         lx, ly = -dy / level, dx / level
         ux, uy, uz = -dz * ly / length, dz * lx / length, (dx * ly - dy * lx) / length
         side, up = offset * math.cos(turn), offset * math.sin(turn)
         write_point(
-            center[i, 0],
-            start[i, 0] + along * dx + side * lx + up * ux,
-            start[i, 1] + along * dy + side * ly + up * uy,
-            start[i, 2] + along * dz + up * uz,
+            scenes.center,
+            i,
+            start[0] + along * dx + side * lx + up * ux,
+            start[1] + along * dy + side * ly + up * uy,
+            start[2] + along * dz + up * uz,
         )
-        radius[i, 0] = keep_out
+        scenes.radius[i] = keep_out
 
 
 @kernel
-def forest_endpoints_batch(words, rows, attempt, start, goal):
+def forest_endpoints_batch(words, rows, attempt, memory):
     """A start and a goal on opposite sides, 4.8 m apart, of the cube that holds the spheres."""
+    scenes = columns_in(memory)
     for i in rows:
-        key, n = Key(words[i, 0], words[i, 1]), STRIDE * attempt
-        write_point(start[i], -2.4, uniform(key, n, -1.5, 1.5), uniform(key, n + 1, -1.5, 1.5))
-        write_point(goal[i], 2.4, uniform(key, n + 2, -1.5, 1.5), uniform(key, n + 3, -1.5, 1.5))
+        key, n = key_of(words, i), STRIDE * attempt
+        write_point(scenes.start, i, -2.4, uniform(key, n, -1.5, 1.5), uniform(key, n + 1, -1.5, 1.5))
+        write_point(scenes.goal, i, 2.4, uniform(key, n + 2, -1.5, 1.5), uniform(key, n + 3, -1.5, 1.5))
 
 
 @kernel
-def forest_spheres_batch(words, rows, start, goal, vehicle_radius, sizes, center, radius):
+def forest_spheres_batch(words, rows, sizes, memory):
     """Spheres centred in a cube of 4 m, redrawn until clear of start and goal; they may overlap each other."""
+    scenes = columns_in(memory)
     for i in rows:
-        key = Key(words[i, 0], words[i, 1])
-        for k in range(radius.shape[1]):
+        key, start, goal = key_of(words, i), point(scenes.start, i), point(scenes.goal, i)
+        for k in range(scenes.sphere_count):
             for attempt in range(TRIES):
                 n = SPHERE_STREAM + STRIDE * (TRIES * k + attempt)
                 x, y, z = (
@@ -114,20 +122,25 @@ def forest_spheres_batch(words, rows, start, goal, vehicle_radius, sizes, center
                     uniform(key, n + 1, -2.0, 2.0),
                     uniform(key, n + 2, -2.0, 2.0),
                 )
-                keep_out = uniform(key, n + 3, sizes[0], sizes[1]) + vehicle_radius
-                gap = min(distance_to(x, y, z, start[i]), distance_to(x, y, z, goal[i])) - keep_out
-                write_point(center[i, k], x, y, z)
-                radius[i, k] = keep_out if gap >= FREE_SPACE else 0.0
+                keep_out = uniform(key, n + 3, sizes.least, sizes.greatest) + sizes.vehicle
+                gap = min(distance_to(x, y, z, start), distance_to(x, y, z, goal)) - keep_out
+                at = scenes.sphere_count * i + k
+                write_point(scenes.center, at, x, y, z)
+                scenes.radius[at] = keep_out if gap >= FREE_SPACE else 0.0
                 if gap >= FREE_SPACE:
                     break
 
 
 @kernel
-def crowded_rows(rows, start, goal, center, radius, out):
+def crowded_rows(rows, memory, out):
     """Flag the rows whose start or goal is not clear of the spheres by the free space."""
+    scenes = columns_in(memory)
+    n, k = memory.shape[1], scenes.sphere_count
+    centers, radii = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
     for i in rows:
-        at_start = clearance(start[i, 0], start[i, 1], start[i, 2], center[i], radius[i])
-        at_goal = clearance(goal[i, 0], goal[i, 1], goal[i, 2], center[i], radius[i])
+        (x, y, z), (to_x, to_y, to_z) = point(scenes.start, i), point(scenes.goal, i)
+        at_start = clearance(x, y, z, centers[i], radii[i])
+        at_goal = clearance(to_x, to_y, to_z, centers[i], radii[i])
         out[i] = min(at_start, at_goal) < FREE_SPACE
 
 
@@ -147,11 +160,11 @@ class Task:
     sizes: tuple[float, float] = (0.3, 0.6)
     largest_keep_out: float = math.inf
 
-    def endpoints(self, words, rows, attempt, start, goal):
+    def endpoints(self, words, rows, attempt, memory):
         """Draw start and goal of the given rows."""
         raise NotImplementedError
 
-    def spheres(self, words, rows, vehicle_radius, scenes):
+    def spheres(self, words, rows, sizes, memory):
         """Draw the spheres of the given rows, between their start and goal."""
         raise NotImplementedError
 
@@ -159,42 +172,38 @@ class Task:
 class FlightTask(Task):
     """Section VI: a fixed start, goal and keep-out sphere of 1 m; the vehicle flies on to its time limit."""
 
-    def endpoints(self, words, rows, attempt, start, goal):
+    def endpoints(self, words, rows, attempt, memory):
         """See ``flight_endpoints_batch``."""
-        flight_endpoints_batch(words, rows, attempt, start, goal)
+        flight_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, vehicle_radius, scenes):
+    def spheres(self, words, rows, sizes, memory):
         """The paper's obstacle at (2, 0, 1); its keep-out radius of 1 m is a choice."""
-        scenes.center[rows, 0] = (2.0, 0.0, 1.0)
-        scenes.radius[rows, 0] = 1.0
+        scenes = scenes_of(memory)
+        scenes.center[rows, 0], scenes.radius[rows, 0] = (2.0, 0.0, 1.0), 1.0
 
 
 class AvoidTask(Task):
     """A random start and goal with one sphere in the way."""
 
-    def endpoints(self, words, rows, attempt, start, goal):
+    def endpoints(self, words, rows, attempt, memory):
         """See ``avoid_endpoints_batch``."""
-        avoid_endpoints_batch(words, rows, attempt, start, goal)
+        avoid_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, vehicle_radius, scenes):
+    def spheres(self, words, rows, sizes, memory):
         """See ``avoid_spheres_batch``."""
-        avoid_spheres_batch(
-            words, rows, scenes.start, scenes.goal, vehicle_radius, self.sizes, scenes.center, scenes.radius
-        )
+        avoid_spheres_batch(words, rows, sizes, memory)
 
 
 class ForestTask(Task):
     """A random scene of many spheres between start and goal."""
 
-    def endpoints(self, words, rows, attempt, start, goal):
+    def endpoints(self, words, rows, attempt, memory):
         """See ``forest_endpoints_batch``."""
-        forest_endpoints_batch(words, rows, attempt, start, goal)
+        forest_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, vehicle_radius, scenes):
+    def spheres(self, words, rows, sizes, memory):
         """See ``forest_spheres_batch``."""
-        forest_spheres_batch(
-            words, rows, scenes.start, scenes.goal, vehicle_radius, self.sizes, scenes.center, scenes.radius
-        )
+        forest_spheres_batch(words, rows, sizes, memory)
 
 
 class SceneSource(Protocol):
@@ -202,8 +211,8 @@ class SceneSource(Protocol):
 
     sphere_count: int
 
-    def draw(self, words: NDArray[np.int64], rows: NDArray[np.intp], scenes: Scenes) -> None:
-        """Write start, goal and spheres of the given rows."""
+    def draw(self, words: NDArray[np.int64], rows: NDArray[np.intp], memory: NDArray[np.float64]) -> None:
+        """Write start, goal and spheres of the given rows, from words (N, 2), into the memory of scenes."""
         ...
 
 
@@ -212,12 +221,12 @@ class DrawnSpheres:
 
     def __init__(self, task: Task, vehicle_radius: float):
         self.sphere_count = task.sphere_count
-        self._task, self._vehicle_radius = task, vehicle_radius
+        self._task, self._sizes = task, Sizes(*task.sizes, vehicle_radius)
 
-    def draw(self, words, rows, scenes):
+    def draw(self, words, rows, memory):
         """See ``SceneSource.draw``."""
-        self._task.endpoints(words, rows, 0, scenes.start, scenes.goal)
-        self._task.spheres(words, rows, self._vehicle_radius, scenes)
+        self._task.endpoints(words, rows, 0, memory)
+        self._task.spheres(words, rows, self._sizes, memory)
 
 
 class GivenSpheres:
@@ -227,17 +236,18 @@ class GivenSpheres:
         self.sphere_count = len(spheres.radius)
         self._task, self._spheres = task, spheres
 
-    def draw(self, words, rows, scenes):
+    def draw(self, words, rows, memory):
         """See ``SceneSource.draw``.
 
         Raises:
             ValueError: if no start and goal clear of the spheres were found.
         """
+        scenes = scenes_of(memory)
         scenes.center[rows], scenes.radius[rows] = self._spheres
         crowded = np.zeros(len(scenes.start), dtype=np.bool_)
         for attempt in range(TRIES):
-            self._task.endpoints(words, rows, attempt, scenes.start, scenes.goal)
-            crowded_rows(rows, scenes.start, scenes.goal, scenes.center, scenes.radius, crowded)
+            self._task.endpoints(words, rows, attempt, memory)
+            crowded_rows(rows, memory, crowded)
             rows = rows[crowded[rows]]
             if not rows.size:
                 return

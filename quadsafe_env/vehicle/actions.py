@@ -10,11 +10,12 @@ desired snap (world frame) and yaw acceleration (body z axis) once per control p
 | "wrench"   | F_z, N/s²; torque (3), body frame, N·m, both from hover  | equation (31) at the measured state|
 """
 
+from typing import NamedTuple
+
 from quadsafe_core.checks import one_of
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fma
 from quadsafe_core.maths.feedback import held_gains
-from quadsafe_env.simulation.plant import VelocityGains
 from quadsafe_env.vehicle.flatness import flat_from_state, snap_from_wrench_kernel, yaw_acceleration_kernel
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.state import OMEGA
@@ -29,11 +30,19 @@ VELOCITY_POLE = 6.0  # rad/s
 YAW_RATE_POLE = 10.0  # rad/s
 
 
+class VelocityGains(NamedTuple):
+    """Feedback gains of the velocity interface, for one control period: k_v, k_a, k_j and k_ψ."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+    yaw_rate: float
+
+
 @inline_kernel
-def velocity_law(s, command, plant):
+def velocity_law(s, command, params, k):
     """Snap ``−k_v (v − v_cmd) − k_a a − k_j j`` and yaw acceleration ``k_ψ (rate_cmd − ω_z)``."""
-    _, v, a, j = flat_from_state(s, plant.params)
-    k = plant.gains
+    _, v, a, j = flat_from_state(s, params)
     return (
         velocity_feedback(v[0] - command[0], a[0], j[0], k),
         velocity_feedback(v[1] - command[1], a[1], j[1], k),
@@ -49,16 +58,16 @@ def velocity_feedback(error, acceleration, jerk, k):
 
 
 @inline_kernel
-def snap_law(s, command, plant):
+def snap_law(s, command, params, k):
     """The command is the desired snap and yaw acceleration."""
     return command
 
 
 @inline_kernel
-def wrench_law(s, command, plant):
+def wrench_law(s, command, params, k):
     """Equation (31): snap and yaw acceleration that the commanded wrench gives at the measured state."""
-    snap = snap_from_wrench_kernel(s, command, plant.params)
-    return (*snap, yaw_acceleration_kernel(s, command, plant.params))
+    snap = snap_from_wrench_kernel(s, command, params)
+    return (*snap, yaw_acceleration_kernel(s, command, params))
 
 
 INTERFACES = ("velocity", "snap", "wrench")

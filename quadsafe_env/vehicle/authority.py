@@ -68,8 +68,8 @@ def yaw_range(params: "QuadrotorParams | str") -> YawRange:
         params: parameters or the name of a preset.
     """
     p = params_from(params)
-    hover = p.mass * p.gravity
-    available = YAW_SHARE * min(hover, p.thrust_max - hover) * levers(p)[2] / p.inertia[2]
+    hover, full = p.mass * p.gravity, p.thrust_max
+    available = YAW_SHARE * min(hover, full - hover) * levers(p)[2] / p.inertia[2]
     return YawRange(min(YAW_RATE, p.yaw_rate_max), min(2.0 * YAW_RATE * YAW_RATE_POLE, available))
 
 
@@ -124,10 +124,12 @@ def authority(
     Reference: equations (31), (35).
     """
     p, yaw = params_from(params), yaw_range(params)
+    # In N; the ends of the band that are returned are specific thrusts.
+    floor, full = p.thrust_min, p.thrust_max
     if not 0.0 < positive_number("share", share) < 1.0:
         raise ValueError(f"share must be in (0, 1), got {share!r}")
-    low = share * p.gravity + (1.0 - share) * p.thrust_min / p.mass
-    kept = (1.0 - SLACK) * min(p.mass * low, share * (p.thrust_max - p.mass * p.gravity))
+    low = share * p.gravity + (1.0 - share) * floor / p.mass
+    kept = (1.0 - SLACK) * min(p.mass * low, share * (full - p.mass * p.gravity))
     free = kept - steering_thrust(low, 0.0, 0.0, yaw, p)
     if free <= 0.0:
         raise ValueError(f"share must leave thrust to steer with beside yaw, got {share!r}, {free:g} N short")
@@ -153,10 +155,10 @@ def _turn_rate(steering: float, yaw: YawRange, p: QuadrotorParams) -> float:
 
 
 def _highest_thrust(snap: float, jerk: float, yaw: YawRange, p: QuadrotorParams) -> float:
-    """The largest t with D̄(t) <= thrust_max − m t; hover keeps to it, and no t beyond that one does."""
-    low, high = p.gravity, p.thrust_max / p.mass
+    """The largest t with D̄(t) <= F − m t, m/s²; hover keeps to it, and no t beyond that one does."""
+    low, high, full = p.gravity, p.specific_thrust_max, p.thrust_max
     for _ in range(60):
         middle = 0.5 * (low + high)
-        room = p.thrust_max * (1.0 - SLACK) - p.mass * middle
+        room = full * (1.0 - SLACK) - p.mass * middle
         low, high = (middle, high) if steering_thrust(middle, snap, jerk, yaw, p) <= room else (low, middle)
     return low

@@ -171,16 +171,10 @@ def yaw_acceleration_from_wrench(
 ) -> NDArray[np.float64]:
     """Angular acceleration about the body's z axis that a wrench gives, ``ω̇_z``.
 
-    Args:
-        state: (…, 20), laid out as in ``quadsafe_env.vehicle.state``.
-        wrench: (…, 4), F_z in N/s², then the torque in the body frame, N m.
-        params: parameters or the name of a preset.
+    Its arguments, and what is raised, are those of ``snap_from_wrench``.
 
     Returns:
         (…), rad/s².
-
-    Raises:
-        ValueError: for wrong shapes or non-finite numbers.
 
     Reference: equation (29).
     """

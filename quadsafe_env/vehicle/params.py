@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from quadsafe_core.checks import finite_array, one_of, positive_number
+from quadsafe_env.vehicle.presets import from_mapping, from_sequence
 
 GRAVITY = 9.81
 # The flat map is singular at zero thrust. Below this fraction of the hover thrust the model counts as
@@ -37,6 +38,16 @@ class QuadrotorParams(NamedTuple):
     torque_max: tuple[float, float, float]
     gravity: float
     yaw_rate_max: float = 10.0
+
+    @property
+    def specific_thrust_min(self) -> float:
+        """The floor as a specific thrust, m/s²; the ``thrust_min`` of an ``Authority`` lies above it."""
+        return self.thrust_min / self.mass
+
+    @property
+    def specific_thrust_max(self) -> float:
+        """Full thrust as a specific thrust, m/s²; the ``thrust_max`` of an ``Authority`` lies below it."""
+        return self.thrust_max / self.mass
 
 
 def x_torque_max(arm: float, thrust_max: float, moment_ratio: float) -> tuple[float, float, float]:
@@ -121,25 +132,11 @@ def params_from(value: "str | Mapping | QuadrotorParams | list | tuple") -> Quad
     if id(value) in CHECKED:
         return value  # type: ignore[return-value]
     if isinstance(value, Mapping):
-        return _checked(_completed(value))
+        return _checked(from_mapping("params", value, PRESETS, DEFAULT))
     if isinstance(value, (tuple, list)):
-        return _checked(_from_sequence(value))
+        # The last field has a default, and came later.
+        return _checked(from_sequence("params", value, QuadrotorParams, len(QuadrotorParams._fields) - 1))
     raise TypeError(f"params must be a preset name, a mapping or a QuadrotorParams, got {value!r}")
-
-
-def _completed(fields: Mapping) -> QuadrotorParams:
-    given = dict(fields)
-    preset = given.pop("preset", DEFAULT)
-    for name in given:
-        one_of("a field of params", name, QuadrotorParams._fields)
-    return PRESETS[one_of("params preset", preset, tuple(PRESETS))]._replace(**given)
-
-
-def _from_sequence(values: "tuple | list") -> QuadrotorParams:
-    if len(values) not in (len(QuadrotorParams._fields) - 1, len(QuadrotorParams._fields)):
-        wanted = ", ".join(QuadrotorParams._fields)
-        raise ValueError(f"params as a sequence must hold {wanted}, got {len(values)} values")
-    return QuadrotorParams(*values)
 
 
 def _checked(params: QuadrotorParams) -> QuadrotorParams:

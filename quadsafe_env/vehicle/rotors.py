@@ -35,8 +35,8 @@ class Rotors(NamedTuple):
     """What a step knows of the rotors: levers (l_x, l_y, c), m, and the range of one rotor's thrust, N."""
 
     lever: tuple[float, float, float]
-    thrust_min: float
-    thrust_max: float
+    low: float
+    high: float
 
 
 @inline_kernel

@@ -12,6 +12,24 @@
 The names below are first entries, so a block is a slice between two of them, as in
 ``state[..., VELOCITY:ATTITUDE]``.
 The wrench, (4,) float64, is (F_z, τ_x, τ_y, τ_z): second derivative of the thrust, N/s², and torque, N m.
+
+What kernels of this package are given has the same name, shape and unit everywhere:
+
+| parameter               | what it is                                                                    |
+|-------------------------|-------------------------------------------------------------------------------|
+| s, state                | a state, 20 numbers as above                                                  |
+| wrench                  | 4 numbers as above                                                            |
+| command                 | 4 numbers in SI units, of the interface: ``quadsafe_env.vehicle.actions``     |
+| snap                    | r⁗, 3 numbers, world frame, m/s⁴                                              |
+| yaw_acceleration        | ω̇_z about the body's z axis, rad/s²                                           |
+| omega, torque           | 3 numbers, body frame, rad/s and N m                                          |
+| params                  | ``QuadrotorParams``                                                           |
+| dt                      | of a physics step, s                                                          |
+| hold                    | ``quadsafe_env.vehicle.yaw.YawHold``; rate, asked: ω_z, rad/s, and ω̇_z, rad/s²|
+| goal, center            | 3 numbers, world frame, m                                                     |
+| radius, gap, clearance  | m                                                                             |
+| states, wrenches, snaps | rows of these, (N, 20), (N, 4), (N, 3), float64                               |
+| block, i                | lanes of sixteen rows, see ``quadsafe_core.kernels.lanes``, and one of them   |
 """
 
 import numpy as np

@@ -10,7 +10,6 @@ import pygame
 import pytest
 
 import quadsafe_env  # noqa: F401
-from quadsafe_env.pictures.film import LENGTH, NO_PAST, Past, Trail
 from quadsafe_env.pictures.render import (
     ACTS,
     BREACH,
@@ -23,6 +22,7 @@ from quadsafe_env.pictures.render import (
     shell_tints,
     view_of,
 )
+from quadsafe_env.pictures.trail import LENGTH, NO_PAST, Past, Trail
 from quadsafe_env.pictures.window import Window, has_display
 from quadsafe_env.registration import IDS
 from quadsafe_env.tasks.obstacles import Spheres

@@ -11,10 +11,12 @@ from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.kernels.jit import kernel
-from quadsafe_env.simulation.episode import observe_rows
-from quadsafe_env.simulation.plant import Plant, packed, unpacked
+from quadsafe_env.simulation.batches import observe_rows
+from quadsafe_env.simulation.plant import Plant
+from quadsafe_env.simulation.ravel import raveled, unraveled
 from quadsafe_env.tasks.obstacles import clearance, spheres_from_rows
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
+from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.flatness import flat_state
 from quadsafe_env.vehicle.params import PRESETS
@@ -29,6 +31,7 @@ PLANT = Plant(
     low=(-4.0, -4.0, -4.0),
     high=(4.0, 4.0, 4.0),
     dt=0.002,
+    substeps=5,
     ends_at_goal=True,
     terminate_on_violation=False,
     yaw=YawHold(YawRange(10.0, 40.0), 0.01),
@@ -50,8 +53,11 @@ def moving(position, velocity):
 
 def observed(state, goal, center, radius, slots):
     out = np.full((1, OWN_ENTRIES + SPHERE_ENTRIES * slots), 7.0, dtype=np.float32)
-    rows = [np.array(value, dtype=float)[np.newaxis] for value in (state, goal, center, radius)]
-    observe_rows(np.zeros(1, dtype=np.intp), packed(PLANT), *rows, out)
+    memory = scene_memory(1, len(radius))
+    scenes = scenes_of(memory)
+    scenes.goal[0], scenes.center[0], scenes.radius[0] = goal, center, radius
+    state = np.array(state, dtype=float)[np.newaxis]
+    observe_rows(np.zeros(1, dtype=np.intp), raveled(PLANT), state, memory, out)
     return out[0]
 
 
@@ -70,15 +76,16 @@ def table(state, goal, center, radius, slots):
 
 @kernel
 def plant_again(numbers):
-    return unpacked(numbers)
+    return unraveled(numbers, Plant)
 
 
 @pytest.mark.interpreted
-def test_packed_plant_is_unpacked_again():
-    numbers = np.random.default_rng(0).permutation(packed(PLANT))
-    assert packed(plant_again(packed(PLANT))).tolist() == packed(PLANT).tolist()
+def test_a_raveled_plant_is_unraveled_again():
+    # Whole ones: a field may be an integer.
+    numbers = np.random.default_rng(0).permutation(raveled(PLANT).size) + 1.0
+    assert raveled(plant_again(raveled(PLANT))).tolist() == raveled(PLANT).tolist()
     # Every number has its own place.
-    assert packed(plant_again(numbers)).tolist() == numbers.tolist()
+    assert raveled(plant_again(numbers)).tolist() == numbers.tolist()
 
 
 @pytest.mark.interpreted

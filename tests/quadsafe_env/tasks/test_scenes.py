@@ -12,7 +12,8 @@ import quadsafe_env  # noqa: F401
 from quadsafe_core.maths.counter_rng import Key, derived_key, key_integer, key_words, mixed, uniform, word_at
 from quadsafe_env.settings import TASKS, build_world
 from quadsafe_env.tasks.obstacles import clearance
-from quadsafe_env.tasks.scenes import FREE_SPACE, DrawnSpheres, Scenes
+from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
+from quadsafe_env.tasks.scenes import FREE_SPACE, DrawnSpheres
 from quadsafe_env.vehicle.params import PRESETS
 
 VEHICLE = PRESETS["crazyflie"].radius
@@ -37,13 +38,12 @@ GOLDEN_FOREST = [
 # fmt: on
 
 
-def scenes_of(name, integers):
+def drawn(name, integers):
     """The scenes of a list of integers, drawn together."""
     source, n = DrawnSpheres(TASKS[name], VEHICLE), len(integers)
-    k = source.sphere_count
-    scenes = Scenes(np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, k, 3)), np.zeros((n, k)))
-    source.draw(key_words(integers), np.arange(n), scenes)
-    return scenes
+    memory = scene_memory(n, source.sphere_count)
+    source.draw(key_words(integers), np.arange(n), memory)
+    return scenes_of(memory)
 
 
 def uniform_p(samples, low, high):
@@ -54,22 +54,22 @@ def uniform_p(samples, low, high):
 @pytest.mark.parametrize("name", TASKS)
 def test_scene_is_a_function_of_its_integer(name):
     integers = INTEGERS[:20]
-    together = scenes_of(name, integers)
+    together = drawn(name, integers)
     for i in (3, 0, 6, 6, 19):
-        for field, alone in zip(together, scenes_of(name, [integers[i]]), strict=True):
+        for field, alone in zip(together, drawn(name, [integers[i]]), strict=True):
             np.testing.assert_array_equal(alone[0], field[i])
 
 
 @pytest.mark.interpreted
 def test_scenes_never_change():
     # Held-out scenes are lists of integers: a change of these numbers is a change of every published result.
-    scenes = scenes_of("avoid", [0, 2**64 - 1])
+    scenes = drawn("avoid", [0, 2**64 - 1])
     np.testing.assert_allclose(
         np.column_stack([scenes.start, scenes.goal, scenes.center[:, 0], scenes.radius]),
         GOLDEN_AVOID,
         rtol=1e-12,  # the cosines of another platform
     )
-    scenes = scenes_of("forest", [0, 2**64 - 1])
+    scenes = drawn("forest", [0, 2**64 - 1])
     np.testing.assert_allclose(
         np.column_stack([scenes.start, scenes.goal, scenes.center[:, 9], scenes.radius[:, 9]]),
         GOLDEN_FOREST,
@@ -79,7 +79,7 @@ def test_scenes_never_change():
 
 @pytest.mark.parametrize("name", TASKS)
 def test_start_and_goal_are_clear_of_every_sphere(name):
-    scenes = scenes_of(name, INTEGERS)
+    scenes = drawn(name, INTEGERS)
     for start, goal, center, radius in zip(*scenes, strict=True):
         assert clearance(*start, center, radius) >= FREE_SPACE
         assert clearance(*goal, center, radius) >= FREE_SPACE
@@ -87,14 +87,14 @@ def test_start_and_goal_are_clear_of_every_sphere(name):
 
 @pytest.mark.parametrize("name", TASKS)
 def test_scene_lies_within_the_bounds_of_the_flight(name):
-    scenes, task = scenes_of(name, INTEGERS), TASKS[name]
+    scenes, task = drawn(name, INTEGERS), TASKS[name]
     for points in (scenes.start, scenes.goal):
         assert (np.asarray(task.low) + 0.5 < points).all() and (points < np.asarray(task.high) - 0.5).all()
 
 
 @pytest.mark.interpreted
 def test_section_vi_flight():
-    scenes = scenes_of("flight", INTEGERS[:3])
+    scenes = drawn("flight", INTEGERS[:3])
     for i in range(3):
         np.testing.assert_array_equal(scenes.start[i], [0, -1, 0])
         np.testing.assert_array_equal(scenes.goal[i], [4, 1, 4])
@@ -103,7 +103,7 @@ def test_section_vi_flight():
 
 
 def test_straight_path_of_avoid_enters_the_sphere():
-    scenes = scenes_of("avoid", INTEGERS)
+    scenes = drawn("avoid", INTEGERS)
     path = scenes.goal - scenes.start
     to_center = scenes.center[:, 0] - scenes.start
     along = np.sum(path * to_center, axis=1) / np.sum(path * path, axis=1)
@@ -113,7 +113,7 @@ def test_straight_path_of_avoid_enters_the_sphere():
 
 
 def test_avoid_is_spread_as_documented():
-    scenes = scenes_of("avoid", INTEGERS[-1000:])
+    scenes = drawn("avoid", INTEGERS[-1000:])
     path, middle = scenes.goal - scenes.start, 0.5 * (scenes.start + scenes.goal)
     length = np.linalg.norm(path, axis=1)
     assert uniform_p(length, 3.0, 4.0) > LEAST_P
@@ -124,7 +124,7 @@ def test_avoid_is_spread_as_documented():
 
 
 def test_forest_is_spread_as_documented():
-    scenes = scenes_of("forest", INTEGERS[-1000:])
+    scenes = drawn("forest", INTEGERS[-1000:])
     assert scenes.radius.shape == (1000, 10)
     assert (scenes.radius > 0).all()
     np.testing.assert_array_equal(scenes.start[:, 0], -2.4)
