@@ -1,12 +1,13 @@
 """Sixteen rows side by side: the layout in which LLVM turns a loop of scalar kernels into vector code.
 
-A *block* is a flat float64 array that holds entry k of lane i at ``LANES k + i``. A loop over lanes becomes
-vector code if its index is unsigned, its offsets are literal and its kernels take no branch. Rounding is that
-of scalar code: nothing is reordered, and a product and a sum are fused only where a kernel says ``fma``. So a
-row gets the same bits in whatever lane, full block or remainder it is computed.
+A *block* is a flat float64 array, (LANES entries,): it holds entry k of lane i at ``LANES k + i``. A loop over
+lanes becomes vector code if its index is unsigned, its offsets are literal and its kernels take no branch.
+Rounding is that of scalar code: nothing is reordered, a product and a sum are fused only where a kernel says
+``fma``. So a row gets the same bits in whatever lane, full block or remainder it is computed.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from llvmlite import ir
@@ -45,16 +46,6 @@ def _fma(typing_context, a, b, c):
         return builder.fma(*arguments)
 
     return types.float64(types.float64, types.float64, types.float64), emit
-
-
-def _address(typing_context, array):
-    """Address of the first number."""
-
-    def emit(context, builder, signature, arguments):
-        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
-        return builder.ptrtoint(data, ir.IntType(64))
-
-    return types.int64(array), emit
 
 
 def _tile_to_lanes(typing_context, rows, start, stride, block, at):
@@ -139,29 +130,38 @@ def _either(compiled: Callable, plain: Callable) -> Callable:
 
 
 wide_vectors = _either(_wide_vectors, lambda: None)
-address = _either(_address, lambda array: array.ctypes.data)
 fma = _either(_fma, lambda a, b, c: a * b + c)
 tile_to_lanes = _either(_tile_to_lanes, _plain_tile_to_lanes)
 tile_from_lanes = _either(_tile_from_lanes, _plain_tile_from_lanes)
 
 
 @inline_kernel
+def _entry_to_lanes(rows, there, block, here):
+    block[here] = rows[there]
+
+
+@inline_kernel
+def _entry_from_lanes(rows, there, block, here):
+    rows[there] = block[here]
+
+
+@inline_kernel
 def fused_dot(a, b):
-    """``a · b`` of two triples."""
+    """``a · b`` of two (3,)."""
     return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2]))
 
 
 @inline_kernel
 def aligned(count):
-    """Numbers from the start of a cache line on: a vector across two lines costs twice."""
+    """(count,) numbers from the start of a cache line on: a vector across two lines costs twice."""
     memory = np.empty(count + LINE)
-    first = LINE - address(memory) // 8 % LINE
+    first = LINE - memory.ctypes.data // 8 % LINE
     return memory[first : first + count]
 
 
 @inline_kernel
 def new_block(entries):
-    """Memory of a block."""
+    """Memory of a block, (LANES entries,)."""
     return aligned(LANES * entries)
 
 
@@ -171,27 +171,34 @@ def aligned_rows(count, width):
     return aligned(count * width).reshape((count, width))
 
 
+def _mover(tile: Callable, entry: Callable) -> Any:
+    """The way between rows and lanes: a ``tile`` of four entries of eight rows, or one ``entry``, at a time."""
+
+    @inline_kernel
+    def move(rows, width, first, count, block, at):
+        if count == LANES and width % TILE == 0:
+            for half in range(0, LANES, 2 * TILE):
+                for k in range(0, width, TILE):
+                    tile(rows, (first + half) * width + k, width, block, LANES * (at + k) + half)
+        else:
+            for k in range(U(width)):
+                for i in range(U(count)):
+                    entry(rows, U(width) * (U(first) + i) + k, block, U(LANES) * (U(at) + k) + i)
+
+    return move
+
+
+_all_to_lanes = _mover(tile_to_lanes, _entry_to_lanes)
+_all_from_lanes = _mover(tile_from_lanes, _entry_from_lanes)
+
+
 @inline_kernel
 def to_lanes(rows, width, first, count, block, at):
-    """Rows first … first + count of a flat (N, width) array into entries at … at + width of a block."""
-    if count == LANES and width % TILE == 0:
-        for half in range(0, LANES, 2 * TILE):
-            for k in range(0, width, TILE):
-                tile_to_lanes(rows, (first + half) * width + k, width, block, LANES * (at + k) + half)
-    else:
-        for k in range(U(width)):
-            for i in range(U(count)):
-                block[U(LANES) * (U(at) + k) + i] = rows[U(width) * (U(first) + i) + k]
+    """Rows first … first + count of a flat (N width,) array into entries at … at + width of a block."""
+    _all_to_lanes(rows, width, first, count, block, at)
 
 
 @inline_kernel
 def from_lanes(block, at, rows, width, first, count):
-    """Entries at … at + width of a block into rows first … first + count of a flat (N, width) array."""
-    if count == LANES and width % TILE == 0:
-        for half in range(0, LANES, 2 * TILE):
-            for k in range(0, width, TILE):
-                tile_from_lanes(rows, (first + half) * width + k, width, block, LANES * (at + k) + half)
-    else:
-        for i in range(U(count)):
-            for k in range(U(width)):
-                rows[U(width) * (U(first) + i) + k] = block[U(LANES) * (U(at) + k) + i]
+    """Entries at … at + width of a block into rows first … first + count of a flat (N width,) array."""
+    _all_from_lanes(rows, width, first, count, block, at)
