@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.projection import project
 from shields.chains.integrator import lower4, lower_value
-from shields.filters.sampled import required
+from shields.filters.sampled import Held, required
 
 U_MAX, BOUND, PERIOD, ALPHA = 200.0, 1.0, 0.01, 2.0
 GAMMA = -math.expm1(-ALPHA * PERIOD)
@@ -46,7 +46,7 @@ def call_lower4(x, out):
 def call_required(x, wanted, out):
     for i in range(len(out)):
         state = (x[i, 0], x[i, 1], x[i, 2], x[i, 3])
-        out[i], _, _ = required(4, state, U_MAX, BOUND, PERIOD, GAMMA, wanted[i], 3.0 * U_MAX)
+        out[i], _, _ = required(4, state, BOUND, wanted[i], Held(U_MAX, GAMMA, 3.0 * U_MAX, PERIOD))
 
 
 @kernel

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from shields.chains.capped_third_order import capped3, least_corner_x2
 from shields.chains.composite import BoxSet
-from shields.chains.integrator import lower3
-from shields.chains.maximality import Bounds
+from shields.chains.lower_bound import lower3
+from shields.chains.maximality import BoxBounds
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ class Sheet(NamedTuple):
     color: str
 
 
-def box_edges(bounds: Bounds) -> Iterator[Array]:
+def box_edges(bounds: BoxBounds) -> Iterator[Array]:
     """The twelve edges of the box, (2, 3) each."""
     for axis in range(3):
         for sides in range(4):
@@ -46,13 +46,13 @@ def touching_edges(box: BoxSet) -> Iterator[Array]:
             yield line[box.contains(line)][[0, -1]]
 
 
-def both_sides(sheets: Callable[[Bounds], Iterator[Sheet]], bounds: Bounds) -> Iterator[Sheet]:
+def both_sides(sheets: Callable[[BoxBounds], Iterator[Sheet]], bounds: BoxBounds) -> Iterator[Sheet]:
     """The sheets of the lower functions, and those of the upper ones as the mirror image."""
     yield from sheets(bounds)
     yield from (Sheet(-sheet.points, sheet.color) for sheet in sheets(bounds.mirrored()))
 
 
-def body_sheets(bounds: Bounds) -> Iterator[Sheet]:
+def body_sheets(bounds: BoxBounds) -> Iterator[Sheet]:
     """Zero-level sets of the lower functions of (28) on the boundary of the set."""
     x1 = np.linspace(bounds.lower[0], bounds.upper[0], COUNT + 1)
     first, last = np.array([x2_range(bounds, x) for x in x1]).T
@@ -69,7 +69,7 @@ def body_sheets(bounds: Bounds) -> Iterator[Sheet]:
     yield Sheet(ruled(bottom, top), PINK)
 
 
-def uncapped_sheets(bounds: Bounds) -> Iterator[Sheet]:
+def uncapped_sheets(bounds: BoxBounds) -> Iterator[Sheet]:
     """The zero-level set of g_3 where that of g_3^b lies inside it, within the box."""
     x1 = np.linspace(bounds.lower[0], bounds.upper[0], COUNT + 1)
     end = np.minimum(-0.5 * (bounds.upper[0] ** 2 - x1**2) / bounds.u_max, leaving_x2(bounds, x1))
@@ -82,28 +82,28 @@ def uncapped_sheets(bounds: Bounds) -> Iterator[Sheet]:
         yield Sheet(over(x1[inside], start[inside], end[inside], lambda a, b: uncapped_x3(bounds, a, b)), PALE)
 
 
-def leaving_x2(bounds: Bounds, x1: Array) -> Array:
+def leaving_x2(bounds: BoxBounds, x1: Array) -> Array:
     """The x_2 from which x_3 rises from its lower bound and never comes back below it."""
     x1_max = float(bounds.upper[0])
     return np.array([least_corner_x2(min(x, 0.0), x1_max, -np.inf, bounds.u_max) for x in x1.tolist()])
 
 
-def least_x3(bounds: Bounds, x1: float, x2: float) -> float:
+def least_x3(bounds: BoxBounds, x1: float, x2: float) -> float:
     """Where g_3^b = 0."""
     return -capped3(x1, x2, 0.0, bounds.u_max, bounds.upper[0], bounds.lower[2])[0]
 
 
-def greatest_x3(bounds: Bounds, x1: float, x2: float) -> float:
+def greatest_x3(bounds: BoxBounds, x1: float, x2: float) -> float:
     """Where its mirror image is 0."""
     return -least_x3(bounds.mirrored(), -x1, -x2)
 
 
-def uncapped_x3(bounds: Bounds, x1: float, x2: float) -> float:
+def uncapped_x3(bounds: BoxBounds, x1: float, x2: float) -> float:
     """Where g_3 = 0."""
     return -lower3(x1, x2, 0.0, bounds.u_max, bounds.lower[2])[0]
 
 
-def x2_range(bounds: Bounds, x1: float) -> tuple[float, float]:
+def x2_range(bounds: BoxBounds, x1: float) -> tuple[float, float]:
     """Least and greatest x_2 of the set at a given x_1."""
     low = bounds.lower[1] + 0.5 * min(x1, 0.0) ** 2 / bounds.u_max
     high = bounds.upper[1] + 0.5 * max(x1, 0.0) ** 2 / bounds.u_min

@@ -34,7 +34,7 @@ from matplotlib.patches import FancyArrowPatch, Patch
 from numpy.typing import NDArray
 
 from shields.chains.composite import BoxSet
-from shields.chains.maximality import Bounds
+from shields.chains.maximality import BoxBounds
 
 matplotlib.use("Agg")
 
@@ -226,7 +226,7 @@ def draw_border(ax, points: Array, seen: NDArray[np.bool_], color: str) -> None:
             ax.add_collection(LineCollection(pieces, colors=color, lw=0.9, zorder=5, capstyle="round"))
 
 
-def label_axes(ax, bounds: Bounds) -> None:
+def label_axes(ax, bounds: BoxBounds) -> None:
     """Names and bounds of x_1, x_2 and x_3 along three edges of the box."""
     lower, upper = bounds.lower, bounds.upper
     edges = (

@@ -1,8 +1,8 @@
 """The shield: settings and memory around a method that turns desired snaps into safe ones."""
 
 import math
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol, cast
+from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,57 +13,25 @@ from quadsafe_core.kernels.jit import compiling
 from shields.interface.arguments import (
     as_array,
     check_no_acceleration,
+    check_snapshot,
+    checked_mask,
+    checked_memory,
     control_period,
     measurement_error,
     shape_error,
     size_of,
     velocity_rows,
 )
-from shields.interface.filtered import (
-    BAD_SHAPES,
-    DONE,
-    FACTS,
-    Filtered,
-    Kernels,
-)
+from shields.interface.filtered import NUMBERS, Filtered
+from shields.interface.row_checks import BAD_SHAPES, DONE
 from shields.methods.cbf_shield import CbfMethod
-from shields.methods.flight_bounds import bounds_of
+from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
-from shields.methods.tube_shield import TubedMethod
+from shields.methods.tube_shield import TubeMethod
 from shields.settings.shield_settings import checked_settings
-from shields.settings.uncertainty import Uncertainty, checked_uncertainty
-from shields.slot.surprise import expectation
+from shields.settings.uncertainty import Uncertainty
 
-
-class Method(Protocol):
-    """A way to filter rows; made once from the settings of a shield."""
-
-    memory: NDArray[Any]
-    """All that it remembers, one array; there from ``allocate`` on."""
-
-    def allocate(self, rows: int, obstacles: int) -> None:
-        """Make the memory for N plants and K spheres, empty."""
-
-    def forget(self, mask: NDArray[np.bool_]) -> None:
-        """Empty the memory of the rows of ``mask`` (N,)."""
-
-    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
-        """The rows of ``mask`` (N,) fly these snaps (M, 3) in place of the last answer."""
-
-    def at(self, period: float) -> Kernels:
-        """What filters at a control period, s."""
-        ...
-
-
-SNAPSHOT = {"memory", "size", "period", "is_single"}
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
-
-
-def made_method(settings: Mapping[str, Any]) -> Method:
-    """The method of these settings."""
-    if settings["uncertainty"] is not None:
-        return TubedMethod(settings)
-    return METHODS[settings["method"]](settings)
 
 
 class Shield:
@@ -159,10 +127,12 @@ class Shield:
             max_closing_acceleration=max_closing_acceleration,
             max_closing_jerk=max_closing_jerk,
         )
-        self._method = made_method(self._settings)
+        has_errors = self._settings["uncertainty"] is not None
+        self._method: Method = (TubeMethod if has_errors else METHODS[method])(self._settings)
         self._size: tuple[int, int] | None = None
         self._period = math.nan
-        self._kernel: Callable[..., int]
+        self._are_still = False
+        self._kernel: FilterKernel
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -204,12 +174,12 @@ class Shield:
             ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
                 period <= 0 or > 2, accelerating spheres, or spheres that the method does not take.
         """
-        if period == self._period and velocity is None and acceleration is None:
+        if period == self._period and self._are_still and velocity is None and acceleration is None:
             out = np.empty(self._numbers)
             try:
-                code = self._kernel(flat, center, radius, snap, None, *self._own, out)
+                code = self._kernel(flat, center, radius, snap, *self._own, out)
             except (TypeError, AttributeError):
-                # No arrays of float64 in C order: the careful way makes them so, or says what is wrong.
+                # The careful way makes them arrays of float64 in C order, or says what is wrong.
                 code = BAD_SHAPES
             if code == DONE:
                 return Filtered(out, self._leading)
@@ -225,9 +195,10 @@ class Shield:
             raise shape_error(flat, center, radius, snap)
         self._begin(size, is_single, control_period(period))
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
-        out = np.empty(self._numbers)
+        self._method.move_spheres(0.0 if moving is None else moving)
+        self._are_still, out = moving is None, np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
-            code = self._kernel(flats, centers, radii, snaps, moving, *self._own, out)
+            code = self._kernel(flats, centers, radii, snaps, *self._own, out)
         if code != DONE:
             raise measurement_error(code, flats, centers, radii, moving)
         return Filtered(out, self._leading)
@@ -245,13 +216,10 @@ class Shield:
             self._kernels, self._period = self._method.at(period), period
         self._leading = () if is_single else size[:1]
         self._kernel = self._kernels.one if is_single else self._kernels.batch
-        self._own, self._numbers = self._kernels.own, (3 + FACTS) * size[0]
+        self._own, self._numbers = self._kernels.own, NUMBERS * size[0]
 
     def reset(self, mask: ArrayLike | None = None) -> None:
-        """Forget the rows of ``mask``, or without one everything, the number of plants too.
-
-        Args:
-            mask: (N,) booleans.
+        """Forget the rows of ``mask``, (N,) booleans, or without one everything, the number of plants too.
 
         Raises:
             ValueError: for another shape or type.
@@ -259,14 +227,9 @@ class Shield:
         if mask is None:
             self._size, self._period = None, math.nan
             return
-        rows = np.asarray(mask)
-        if rows.ndim != 1 or rows.dtype != np.bool_:
-            raise ValueError(f"mask must be booleans of shape (N,), got {rows.dtype} of shape {rows.shape}")
-        if self._size is None:
-            return
-        if rows.shape[0] != self._size[0]:
-            raise ValueError(f"mask must have shape ({self._size[0]},), got {rows.shape}")
-        self._method.forget(rows)
+        rows = checked_mask(mask, self._size and self._size[:1])
+        if self._size is not None:
+            self._method.forget(rows)
 
     def backup(self, mask: ArrayLike) -> NDArray[np.float64]:
         """What the vehicle flies where the last answer was lost: the stop that was stored before it.
@@ -289,23 +252,12 @@ class Shield:
             )
         if self._size is None:
             raise ValueError("backup must follow a call of filter, got none since the last reset()")
-        rows = np.asarray(mask)
-        if rows.shape != self._leading or rows.dtype != np.bool_:
-            raise ValueError(
-                f"mask must be booleans of shape {self._leading}, got {rows.dtype} of shape {rows.shape}"
-            )
-        method = cast(TubedMethod, self._method)
-        return method.backup(rows.reshape(self._size[0])).reshape(*self._leading, 3)
+        rows = checked_mask(mask, self._leading).reshape(self._size[0])
+        return cast(TubeMethod, self._method).backup(rows).reshape(*self._leading, 3)
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
         self._method.override(mask, snaps)
-
-    def expectation(self, period: float) -> NDArray[np.float64]:
-        """(5,) how far the next sample may be off the predicted one in r, v, a, j, and the period."""
-        limits = bounds_of(self._settings).limits
-        longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
-        return expectation(checked_uncertainty(self._settings["uncertainty"]), period, longest)
 
     @property
     def delay(self) -> int:
@@ -336,16 +288,11 @@ class Shield:
         Raises:
             ValueError: for the snapshot of another method, or what is none.
         """
-        if snapshot and set(snapshot) != SNAPSHOT:
-            raise ValueError(f"snapshot must hold {', '.join(sorted(SNAPSHOT))}, got {sorted(snapshot)}")
+        check_snapshot(snapshot)
         self.reset()
         if not snapshot:
             return
         n, k = snapshot["size"].tolist()
+        self._are_still = False
         self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
-        memory, found = self._method.memory, snapshot["memory"]
-        if (memory.shape, memory.dtype) != (found.shape, found.dtype):
-            raise ValueError(
-                f"snapshot must have memory of {memory.shape} {memory.dtype}, got {found.shape} {found.dtype}"
-            )
-        memory[:] = found
+        self._method.memory[:] = checked_memory(snapshot["memory"], self._method.memory)

@@ -34,6 +34,7 @@ class Installation:
         if plant.is_shielded:
             raise ValueError("env must not be shielded twice: call remove() on its ShieldWrapper first")
         self._plant, self._before = plant, plant.snap_filter
+        self.shield = shield
         self.recorder = plant.snap_filter = Recorder(shield, rows)
 
     def begin(self) -> None:
@@ -123,7 +124,7 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     @property
     def shield(self) -> Shield:
         """The shield in the slot."""
-        return self._installation.recorder.shield
+        return self._installation.shield
 
     def remove(self) -> gymnasium.Env:
         """Take the shield out of the slot; returns the inner environment, unshielded."""
@@ -204,7 +205,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
     @property
     def shield(self) -> Shield:
         """The shield in the slot."""
-        return self._installation.recorder.shield
+        return self._installation.shield
 
     def remove(self) -> gymnasium.vector.VectorEnv:
         """Take the shield out of the slot; returns the inner environment, unshielded."""

@@ -10,8 +10,7 @@ from safety_campaign.tables import Row, filled, markdown, rate
 from scipy.stats import binomtest
 
 from shields import Uncertainty
-from shields.backup.arcs import ThrustBand
-from shields.backup.certificate import FlightLimits
+from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.uncertainty import tube_of
 
 # A shield with free numbers as it comes: ū = 200 m/s⁴, reserve 3.

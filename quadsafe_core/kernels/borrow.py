@@ -5,9 +5,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numba import carray, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic, overload, register_jitable
 
 A = TypeVar("A")
+BYTES = np.zeros(0, dtype=np.uint8)
 
 
 @intrinsic
@@ -81,3 +82,10 @@ def _carved(memory, start, like, shape):
         return carray(_pointer(memory.ctypes, start), shape, like.dtype)  # pyright: ignore[reportCallIssue]
 
     return build
+
+
+@register_jitable
+def taken(memory: Any, like: Any, shape: tuple[int, ...]) -> tuple[Any, Any]:
+    """The first part of flat memory, C-ordered, of the type of ``like``, and the bytes behind it; borrowed."""
+    part = carved(memory, 0, like, shape)
+    return part, carved(memory, part.nbytes, BYTES, (memory.nbytes - part.nbytes,))

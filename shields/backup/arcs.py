@@ -6,12 +6,9 @@ same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its 
 is where the control points are.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector, write3
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector
+from shields.chains.flat_state import flown
 
 # An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
 # hull of the control points is then within a millimetre of the path.
@@ -19,56 +16,6 @@ MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
 # What a look at an arc finds.
 CLEAR, UNSURE, HIT = range(3)
-
-
-class Flat(NamedTuple):
-    """A flat state as three-vectors: position, velocity, acceleration, jerk."""
-
-    r: tuple
-    v: tuple
-    a: tuple
-    j: tuple
-
-
-class ThrustBand(NamedTuple):
-    """Least and greatest specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
-
-    least: float
-    most: float
-    gravity: float
-
-
-class Spheres(NamedTuple):
-    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
-
-    center: np.ndarray
-    velocity: np.ndarray
-    keep_out: np.ndarray
-
-
-@inline_kernel
-def flat_of(row):
-    """A row (4, 3) as a flat state."""
-    return Flat(vector(row[0]), vector(row[1]), vector(row[2]), vector(row[3]))
-
-
-@inline_kernel
-def write_flat(row, x):
-    """Store a flat state in a row (4, 3)."""
-    write3(row[0], x.r)
-    write3(row[1], x.v)
-    write3(row[2], x.a)
-    write3(row[3], x.j)
-
-
-@kernel
-def flown(x, snap, t):
-    """The flat state after the snap was held for t, equation (9) in each axis."""
-    j = combined(x.j, t, snap)
-    a = combined(combined(x.a, t, x.j), t * t / 2, snap)
-    v = combined(combined(combined(x.v, t, x.a), t * t / 2, x.j), t**3 / 6, snap)
-    r = combined(combined(combined(combined(x.r, t, x.v), t * t / 2, x.a), t**3 / 6, x.j), t**4 / 24, snap)
-    return Flat(r, v, a, j)
 
 
 @kernel

@@ -18,22 +18,12 @@ from typing import NamedTuple
 from quadsafe_core.kernels.borrow import one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
-from shields.backup.arcs import (
-    CLEAR,
-    HIT,
-    Flat,
-    Spheres,
-    ThrustBand,
-    arc_is_clear,
-    flat_of,
-    flown,
-    look_at_arc,
-    rest_is_clear,
-)
-from shields.backup.stop_hull import SEGMENTS, is_clear_at_once
+from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
+from shields.backup.stop_hull import Attempt, is_clear_at_once
 from shields.backup.stored_stop import (
     LENGTHS,
     NOTHING,
+    SEGMENTS,
     advance_stop,
     dead_beat_snap,
     elapsed,
@@ -42,6 +32,8 @@ from shields.backup.stored_stop import (
     tracking_snap,
     write_stop,
 )
+from shields.chains.flat_state import Flat, flat_of, flown
+from shields.interface.records import MovingSpheres, Obstacles, ThrustBand
 
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
@@ -49,24 +41,12 @@ ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
 ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
 
-class FlightLimits(NamedTuple):
-    """What a certified flight keeps.
-
-    The largest snap that is flown, and that a stop counts on, m/s⁴; the largest jerk, m/s³; the thrust band.
-    """
-
-    snap_max: float
-    stop_snap_max: float
-    jerk_max: float
-    band: ThrustBand
-
-
 class Distances(NamedTuple):
     """The spheres of one world at three distances: for a new stop, for the stored one, and bare."""
 
-    ahead: Spheres
-    stored: Spheres
-    bare: Spheres
+    ahead: MovingSpheres
+    stored: MovingSpheres
+    bare: MovingSpheres
 
 
 @kernel
@@ -140,34 +120,34 @@ def adopt_stop(plan, x, start, period, spheres, limits):
 
 
 @inline_kernel
-def accept_at_once(i, plan, x, snap, period, center, velocity, radius, share, limits):
-    """``accept`` by the quick test, with the segment length of the stored stop."""
+def accept_at_once(i, plan, x, snap, spheres, share, flight):
+    """``accept`` of row i by the quick test, with the segment length of the stored stop."""
+    limits, period = flight.limits, flight.period
     # The jerk of a period is largest at one of its ends.
     if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
         return False
-    after, choice = flown(x, snap, period), plan["choice"]
-    h = periods_of(choice, period) * period
-    if not is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
+    attempt, choice = Attempt(x, snap, flown(x, snap, period), period), plan["choice"]
+    if not is_clear_at_once(i, attempt, periods_of(choice, period) * period, spheres, share, limits):
         return False
-    write_stop(plan, after, NOTHING, choice, period)
+    write_stop(plan, attempt.after, NOTHING, choice, period)
     return True
 
 
 @inline_kernel
-def one_vehicle(spheres):
-    """The spheres of one vehicle as a batch of one."""
-    return one_row(spheres.center), one_row(spheres.velocity), one_row(spheres.keep_out)
+def as_one_row(spheres):
+    """The spheres of one vehicle as those of a batch of one."""
+    return Obstacles(one_row(spheres.center), one_row(spheres.velocity), one_row(spheres.keep_out))
 
 
 @kernel
-def length_clear_at_once(first, x, snap, after, period, spheres, limits):
+def length_clear_at_once(first, attempt, spheres, limits):
     """``clear_length`` by the quick test, for the period and the stop after it; −1 if it tells of none."""
-    c, v, r = one_vehicle(spheres)
-    if is_clear_at_once(0, x, snap, after, periods_of(first, period) * period, period, c, v, r, 1.0, limits):
+    rows, period = as_one_row(spheres), attempt.period
+    if is_clear_at_once(0, attempt, periods_of(first, period) * period, rows, 1.0, limits):
         return first
     for choice in range(len(LENGTHS)):
         h = periods_of(choice, period) * period
-        if choice != first and is_clear_at_once(0, x, snap, after, h, period, c, v, r, 1.0, limits):
+        if choice != first and is_clear_at_once(0, attempt, h, rows, 1.0, limits):
             return choice
     return -1
 
@@ -178,7 +158,7 @@ def accept(plan, x, snap, period, spheres, limits):
     if not norm(snap) <= limits.snap_max:
         return False
     after = flown(x, snap, period)
-    choice = length_clear_at_once(plan["choice"], x, snap, after, period, spheres, limits)
+    choice = length_clear_at_once(plan["choice"], Attempt(x, snap, after, period), spheres, limits)
     if choice >= 0:
         write_stop(plan, after, NOTHING, choice, period)
         return True
@@ -188,12 +168,13 @@ def accept(plan, x, snap, period, spheres, limits):
 
 
 @kernel
-def certified_snap(plan, x, wanted, is_wanted, period, around, limits, gains):
+def certified_snap(plan, x, wanted, is_wanted, around, flight):
     """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
 
     Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, ASTRAY when the vehicle is too far off the
     stored stop to rely on it and has no other, or UNCERTIFIED when there is no stop at all.
     """
+    period, limits, gains = flight.period, flight.limits, flight.gains
     # The tests look at the jerk where an arc ends: where one begins, it was in its limits or is so now.
     begins_within = norm(x.j) <= limits.jerk_max
     if begins_within and is_wanted and accept(plan, x, wanted, period, around.ahead, limits):

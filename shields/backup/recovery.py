@@ -11,7 +11,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, subtract, vector
 from shields.backup.stored_stop import NOTHING, within_ball
 from shields.chains.radial import line_of_sight
-from shields.interface.filtered import OBSTACLE, braking
+from shields.interface.row_checks import braking
 
 # Relative to the sphere that is left, m/s; triple pole of the feedback on (v, a, j), 1/s.
 RECOVERY_SPEED, RECOVERY_POLE = 1.0, 6.0
@@ -71,11 +71,11 @@ def leaving_snap(x, way, drift, gains):
 
 
 @kernel
-def recovery_snap(x, spheres, settings, tube, facts):
+def recovery_snap(x, spheres, settings, tube, fact):
     """The snap that leaves the spheres, and whether the vehicle has to.
 
     It has to inside one of them, and in the shell that a stop keeps around it unless it is coming nearer: then
-    it can still be kept out, and ``shields.methods.sampled_shield.backup_snap`` tries.
+    it can still be kept out, and ``shields.methods.sampled_row.backup_snap`` tries.
     """
     center, velocity, radius = spheres
     way, k = nearest_exit(x.r, center, radius, 1.0 + settings.margin)
@@ -87,8 +87,8 @@ def recovery_snap(x, spheres, settings, tube, facts):
         bare -= tube.vehicle
     if not (norm(gap) < bare or dot(gap, subtract(x.v, drift)) >= 0.0):
         return NOTHING, False
-    facts[OBSTACLE] = k
-    return within_ball(leaving_snap(x, way, drift, settings.recovery), settings.limits.snap_max), True
+    fact["obstacle"] = k
+    return within_ball(leaving_snap(x, way, drift, settings.recovery), settings.flight.limits.snap_max), True
 
 
 @inline_kernel

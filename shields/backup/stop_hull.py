@@ -15,8 +15,8 @@ import numpy as np
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
 from shields.backup.arcs import nearest_on_chord
-
-SEGMENTS = 3
+from shields.backup.stored_stop import SEGMENTS
+from shields.chains.flat_state import Flat
 
 
 class Stop(NamedTuple):
@@ -101,18 +101,28 @@ def scaled(x, h):
     return Stop(scale(h, x.v), scale(h * h, x.a), scale(h * h * h, x.j), h)
 
 
+class Attempt(NamedTuple):
+    """A snap that might be held for a period, s, from one flat state to another, ``after`` it."""
+
+    x: Flat
+    snap: tuple
+    after: Flat
+    period: float
+
+
 @inline_kernel
-def plane_separates(n, keep, gap, velocity, x, snap, after, stop, period):
+def plane_separates(n, keep, gap, velocity, attempt, stop):
     """Whether the plane across n keeps the period and the stop after it away from a centre that moves."""
-    length, drift, d = norm(n), dot(n, velocity), period
+    x, d = attempt.x, attempt.period
+    length, drift = norm(n), dot(n, velocity)
     least = least_over_period(
         dot(n, gap),
         d * (dot(n, x.v) - drift),
         d * d / 2.0 * dot(n, x.a),
         d * d * d / 6.0 * dot(n, x.j),
-        d * d * d * d / 24.0 * dot(n, snap),
+        d * d * d * d / 24.0 * dot(n, attempt.snap),
     )
-    start = dot(n, gap) + dot(n, subtract(after.r, x.r)) - d * drift
+    start = dot(n, gap) + dot(n, subtract(attempt.after.r, x.r)) - d * drift
     later = least_over_stop(start, -stop.h * drift, dot(n, stop.V), dot(n, stop.A), dot(n, stop.J))
     # Through the centre there is no direction, and what has overflowed is not clear either.
     return length > 0.0 and min(least, later) >= keep * length
@@ -127,20 +137,21 @@ def moves_away(gap, velocity, keep):
 
 
 @inline_kernel
-def spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share):
+def spheres_are_clear(i, attempt, stop, spheres, share):
     """Whether one plane for each sphere of row i keeps period and stop away from it, by a share of its radius.
 
     The plane lies across the direction in which a straight flight to the end of the stop comes nearest.
     """
-    end = add(after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
-    duration = period + SEGMENTS * stop.h
+    center, velocity, radius = spheres
+    end = add(attempt.after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
+    duration = attempt.period + SEGMENTS * stop.h
     for k in range(radius.shape[1]):
         if radius[i, k] > 0.0:
             c, drift, keep = triple(center, i, k), triple(velocity, i, k), share * radius[i, k]
-            gap = subtract(x.r, c)
+            gap = subtract(attempt.x.r, c)
             at_rest = combined(subtract(end, c), -duration, drift)
             n = nearest_on_chord(gap, at_rest)
-            if not plane_separates(n, keep, gap, drift, x, snap, after, stop, period):
+            if not plane_separates(n, keep, gap, drift, attempt, stop):
                 return False
             if drift != (0.0, 0.0, 0.0) and not moves_away(at_rest, drift, keep):
                 return False
@@ -161,8 +172,9 @@ def keeps_snap_and_jerk(after, stop, limits):
 
 
 @inline_kernel
-def keeps_thrust(x, after, stop, period, band):
+def keeps_thrust(attempt, stop, band):
     """Whether a level plane keeps the specific thrust above the floor, a ball keeps it below the ceiling."""
+    x, after, period = attempt.x, attempt.after, attempt.period
     lift, middle = band.gravity, combined(x.a, period / 2.0, x.j)
     least = min(x.a[2], middle[2], after.a[2])
     square = 1.0 / (stop.h * stop.h)
@@ -180,24 +192,20 @@ def keeps_thrust(x, after, stop, period, band):
 
 
 @kernel
-def is_clear_at_once(i, x, snap, after, h, period, center, velocity, radius, share, limits):
+def is_clear_at_once(i, attempt, h, spheres, share, limits):
     """Whether the period and the stop after it, with segments of length h, keep every limit: quick, sufficient.
 
     Args:
         i: the row.
-        x: flat state now.
-        snap: held for the period; no longer than its limit.
-        after: flat state after the period.
+        attempt: the ``Attempt``; its snap is no longer than its limit.
         h: segment length, s.
-        period: s.
-        center, velocity, radius: the spheres of now, (N, K, 3), (N, K, 3), (N, K). Whole arrays, as every view
-            of a row is counted by its owner, which takes longer than the test.
+        spheres: the ``Obstacles`` of now.
         share: distance to keep, in radii.
         limits: ``FlightLimits``.
     """
-    stop = scaled(after, h)
+    stop = scaled(attempt.after, h)
     return (
-        keeps_snap_and_jerk(after, stop, limits)
-        and keeps_thrust(x, after, stop, period, limits.band)
-        and spheres_are_clear(i, x, snap, after, stop, period, center, velocity, radius, share)
+        keeps_snap_and_jerk(attempt.after, stop, limits)
+        and keeps_thrust(attempt, stop, limits.band)
+        and spheres_are_clear(i, attempt, stop, spheres, share)
     )

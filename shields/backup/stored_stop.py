@@ -10,25 +10,26 @@ import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector, write3
-from shields.backup.arcs import Flat, flat_of, flown, write_flat
-from shields.backup.stop_hull import SEGMENTS
+from shields.chains.flat_state import Flat, flat_of, flown, write_flat
 
+SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 NOTHING = (0.0, 0.0, 0.0)
 
-# The stored stop of one vehicle; ``begin`` is the start of the segment that is flown.
+# The stored stop of one vehicle.
 PLAN = np.dtype(
     [
         ("is_stored", "?"),
-        ("begin", "f8", (4, 3)),
-        ("snap", "f8", (3,)),
-        ("frame", "f8", (3,)),
-        ("periods", "i8"),
-        ("periods_left", "i8"),
+        ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
+        ("snap", "f8", (3,)),  # held in it, m/s⁴
+        ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
+        ("periods", "i8"),  # of a segment
+        ("periods_left", "i8"),  # of the segment that is flown
         ("segments_left", "i8"),
-        ("choice", "i8"),
-    ]
+        ("choice", "i8"),  # number of the segment length in LENGTHS
+    ],
+    align=True,
 )
 
 

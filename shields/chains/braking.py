@@ -14,12 +14,51 @@ from numpy.typing import ArrayLike
 
 from quadsafe_core.checks import finite_number, positive_number
 from quadsafe_core.kernels.jit import kernel
-from shields.chains.braking_arcs import BrakingBounds, braking4, size_of_terms
-from shields.chains.integrator import lower2
+from quadsafe_core.maths.polynomials import LARGEST
+from shields.chains.braking_arcs import BrakingBounds, braking_phases, least_of_arc, moved, size_of_terms
+from shields.chains.lower_bound import lower2, lower4, sensitivity
 from shields.chains.rows import Array, checked_input, state_rows
 
 # Below this share of its largest terms a value is rounding, and counts as zero.
 ROUNDING = 64 * 2.220446049250313e-16
+
+
+@kernel
+def peak_sensitivity(phases, t):
+    """d x_4(t) / d x_1: x_2 gains t at first, T1 while x_1 is held, and loses it along the braking arc."""
+    if t <= phases.T1:
+        return sensitivity(4, t)
+    after = t - phases.T1
+    gain = phases.T1 * (t * t + t * after + after * after) / 6.0
+    braked = after - phases.T2
+    if braked <= 0.0:
+        return gain
+    rest = braked - phases.T3
+    if rest < 0.0:
+        return gain - phases.T1 * braked * braked * braked / (6.0 * phases.T3)
+    return gain - phases.T1 * (braked * braked + braked * rest + rest * rest) / 6.0
+
+
+@kernel
+def braking4(x1, x2, x3, x4, bounds):
+    """Section IV, g_4^b: value, t_star, and its derivative with respect to x_1."""
+    if bounds.x1_max == math.inf and bounds.x2_max == math.inf:
+        value, t_star = lower4(x1, x2, x3, x4, bounds.u_max, bounds.lower)
+        return value, t_star, sensitivity(4, t_star)
+    phases = braking_phases(x1, x2, bounds)
+    y, start, least, t_star = (x1, x2, x3, x4), 0.0, x4, 0.0
+    for u, length in ((phases.u1, phases.T1), (0.0, phases.T2), (bounds.u_min, phases.T3)):
+        least, t_star = least_of_arc(y, u, length, start, least, t_star)
+        start += length
+        if not start <= LARGEST:
+            return least - bounds.lower, t_star, peak_sensitivity(phases, t_star)
+        y = moved(y, u, length)
+    if y[2] < 0.0:
+        t = -y[2] / y[1] if y[1] > 0.0 else math.inf
+        x4_end = y[3] + 0.5 * y[2] * t
+        if x4_end <= least:
+            least, t_star = x4_end, start + t
+    return least - bounds.lower, t_star, peak_sensitivity(phases, t_star)
 
 
 @kernel

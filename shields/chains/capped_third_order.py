@@ -15,7 +15,7 @@ import math
 
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.polynomials import LARGEST
-from shields.chains.integrator import lower3, sensitivity
+from shields.chains.lower_bound import lower3, sensitivity
 
 
 @kernel

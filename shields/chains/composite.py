@@ -4,7 +4,7 @@
     BoxSet     lower_i <= x_i <= upper_i for all i      h(x) = min over both sides              (24), (28)
 
 Lower bounds never contradict each other: u_max serves all of them (Prop. 4). The upper bounds are lower bounds
-of the mirrored system, -x under -u. Bounds that are absent are infinite.
+of the mirrored system, -x under -u. BoxBounds that are absent are infinite.
 """
 
 import math
@@ -19,7 +19,7 @@ from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.polynomials import LARGEST
 from shields.chains.capped_third_order import capped3
 from shields.chains.integrator import lower_row, required_input
-from shields.chains.maximality import Bounds, why_not_maximal
+from shields.chains.maximality import BoxBounds, why_not_maximal
 from shields.chains.rows import MAX_ORDER, Array, checked_input, state_rows
 
 # A set value of less than this times the largest term of its sum is rounding, and counts as zero.
@@ -170,7 +170,7 @@ class BoxSet:
             raise ValueError(f"n must be 1, 2 or 3, got lower and upper with {len(lower)} bounds each")
         if (lower > upper).any():
             raise ValueError(f"lower must be <= upper, got {lower.tolist()} and {upper.tolist()}")
-        self.bounds = Bounds(lower, upper, checked_input("u_min", u_min), checked_input("u_max", u_max))
+        self.bounds = BoxBounds(lower, upper, checked_input("u_min", u_min), checked_input("u_max", u_max))
 
     def value(self, x: ArrayLike) -> Any:
         """h(x) of (24) or (28) for states (…, n): >= 0 inside; the least margin, whatever its unit."""
@@ -217,7 +217,7 @@ class BoxSet:
         return (_side(self.bounds, rows), _side(self.bounds.mirrored(), -rows)), shape
 
 
-def _side(bounds: Bounds, rows: Array) -> Array:
+def _side(bounds: BoxBounds, rows: Array) -> Array:
     out = np.empty((3, len(rows)))
     box_side_batch(rows, bounds.lower, bounds.upper[0], bounds.u_max, out)
     return out

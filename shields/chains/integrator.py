@@ -16,45 +16,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from quadsafe_core.kernels.borrow import borrowed
-from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.minimum import better, margin
 from quadsafe_core.maths.polynomials import (
-    LARGEST,
     cubic_roots,
-    quadratic_roots,
     quartic_roots,
     roots_from_stationary,
 )
-from shields.chains.fourth_order import lower4, lower4_batch
+from shields.chains.lower_bound import lower1, lower2, lower3, lower4, lower4_batch, sensitivity
 from shields.chains.rows import Array, state_rows
-
-
-@inline_kernel
-def lower1(x1, bound):
-    """(15): g_1 and t_star."""
-    return x1 - bound, 0.0
-
-
-@kernel
-def lower2(x1, x2, u_max, bound):
-    """(17): g_2 and t_star."""
-    if x1 >= 0.0:
-        return x2 - bound, 0.0
-    t = min(-x1 / u_max, LARGEST)
-    p = (0.0, 0.0, 0.5 * u_max, x1)
-    rise, t_star = better(p, t, 0.0, 0.0)
-    return margin(p, x2, bound, rise, t_star), t_star
-
-
-@kernel
-def lower3(x1, x2, x3, u_max, bound):
-    """(21) by Prop. 2: g_3 and t_star."""
-    if x1 >= 0.0 and x2 >= 0.0:
-        return x3 - bound, 0.0
-    p = (0.0, u_max / 6.0, 0.5 * x1, x2)
-    _, t2 = quadratic_roots(0.5 * u_max, x1, x2)
-    rise, t_star = better(p, t2, 0.0, 0.0)
-    return margin(p, x3, bound, rise, t_star), t_star
 
 
 @kernel
@@ -125,15 +95,6 @@ def lie_derivative(order, t_star, x_previous, u, u_max):
     if t_star == 0.0:
         return x_previous
     return sensitivity(order, t_star) * (u - u_max) if u != u_max else 0.0
-
-
-@kernel
-def sensitivity(order, t_star):
-    """``t_star^(n-1) / (n-1)!``: how much the rate of g_n grows with the input."""
-    factor = 1.0
-    for i in range(1, order):
-        factor *= t_star / i
-    return factor
 
 
 @kernel

@@ -18,7 +18,7 @@ from shields.chains.capped_third_order import least_corner_x2
 from shields.chains.rows import Array
 
 
-class Bounds(NamedTuple):
+class BoxBounds(NamedTuple):
     """The bounds of a box of order n, (n,) each, absent ones infinite, and of its input."""
 
     lower: Array
@@ -26,12 +26,12 @@ class Bounds(NamedTuple):
     u_min: float
     u_max: float
 
-    def mirrored(self) -> "Bounds":
+    def mirrored(self) -> "BoxBounds":
         """The bounds of -x under -u."""
-        return Bounds(-self.upper, -self.lower, -self.u_max, -self.u_min)
+        return BoxBounds(-self.upper, -self.lower, -self.u_max, -self.u_min)
 
 
-def why_not_maximal(bounds: Bounds, contains: Callable) -> str | None:
+def why_not_maximal(bounds: BoxBounds, contains: Callable) -> str | None:
     """Why the set is not known to be maximal, in one sentence; None where it is. ``contains`` tests states."""
     reason = _one_way(bounds, 1.0, "lower", "upper") or _one_way(bounds.mirrored(), -1.0, "upper", "lower")
     if reason or len(bounds.lower) < 3:
@@ -42,7 +42,7 @@ def why_not_maximal(bounds: Bounds, contains: Callable) -> str | None:
     return None
 
 
-def theorem_1_points(bounds: Bounds) -> Iterator[tuple[str, list[float]]]:
+def theorem_1_points(bounds: BoxBounds) -> Iterator[tuple[str, list[float]]]:
     """The corners at which n = 3 needs a state of the set, by name, and the only candidate that matters.
 
     Theorem 1 has both bounds of x_3. With one of them its surfaces and those of the opposite bound of x_2 meet
@@ -59,14 +59,14 @@ def theorem_1_points(bounds: Bounds) -> Iterator[tuple[str, list[float]]]:
         yield "upper_1, upper_3", [-x for x in _returning_point(bounds.mirrored())]
 
 
-def _rising_point(bounds: Bounds) -> list[float]:
+def _rising_point(bounds: BoxBounds) -> list[float]:
     x1, x2, x3 = float(bounds.upper[0]), max(0.0, float(bounds.lower[1])), float(bounds.lower[2])
     if x1 == math.inf and (bounds.upper[1:] == math.inf).all():
         x1 = max(0.0, float(bounds.lower[0]))
     return [x1, x2, x3]
 
 
-def _returning_point(bounds: Bounds) -> list[float]:
+def _returning_point(bounds: BoxBounds) -> list[float]:
     x1_min, x1_max = float(bounds.lower[0]), float(bounds.upper[0])
     if math.isinf(x1_min) or math.isinf(x1_max):
         return [math.inf, 0.0, 0.0]
@@ -74,7 +74,7 @@ def _returning_point(bounds: Bounds) -> list[float]:
     return [x1_min, x2, float(bounds.lower[2])]
 
 
-def _one_way(bounds: Bounds, sign: float, lower: str, upper: str) -> str | None:
+def _one_way(bounds: BoxBounds, sign: float, lower: str, upper: str) -> str | None:
     """An x_i that never rises, while a coordinate that it drives has a lower bound; in the box's own names."""
     for i, x_max in enumerate(bounds.upper):
         for k in range(i + 1, len(bounds.upper)):

@@ -21,7 +21,7 @@ from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from shields.chains.capped_third_order import capped3
 from shields.chains.composite import BoxSet
-from shields.chains.integrator import lower1, lower2, sensitivity
+from shields.chains.lower_bound import lower1, lower2, sensitivity
 from shields.chains.rows import state_rows
 from shields.filters.dead_beat import clamped
 

@@ -19,6 +19,7 @@ the period itself must not dip below g_n, the dip that u_max would leave; the in
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,19 +27,10 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import finite_number, positive_number
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.maths.held_input import derivatives, lift_after, polynomial, state_after, stays_above, weight
 from quadsafe_core.maths.polynomials import evaluate
+from shields.chains.lower_bound import held_lower, lower, lower_parts
 from shields.chains.rows import state_rows
-from shields.filters.held import (
-    derivatives,
-    held_lower,
-    lift_after,
-    lower,
-    lower_parts,
-    polynomial,
-    state_after,
-    stays_above,
-    weight,
-)
 
 # Error of a value in units of its largest terms.
 ROUNDING = 4e-15
@@ -48,6 +40,25 @@ DRIFT = 1e-12
 ITERATIONS = 60
 # Newton for the input and the time at once doubles its digits: 2 to 5 rounds.
 ROUNDS = 10
+
+
+class Held(NamedTuple):
+    """ū, unit of dx_1/dt; the decay γ = 1 − e^(−αΔ); the largest input outside the set; the period Δ, s."""
+
+    u_max: float
+    gamma: float
+    input_max: float
+    period: float
+
+
+class Chain(NamedTuple):
+    """A chain whose bound is 0: its order, its state, x_n under u_max as a polynomial, u_max, the period."""
+
+    order: int
+    x: tuple
+    p: tuple
+    u_max: float
+    period: float
 
 
 @inline_kernel
@@ -79,17 +90,18 @@ def _is_above(x4, x3, x2, x1, u_max, t):
 
 
 @kernel
-def _touching(order, x, p, t_star, period, u_max, target, lowest, highest):
+def _touching(chain, t_star, target, lowest, highest):
     """Newton for the input and the time at which its tail touches the target; whether that is certain.
 
     No admissible input lies between ``lowest`` and the answer, certain or not.
     """
-    y, lift = derivatives(order, x, u_max), lift_after(order, period)
+    order, period, u_max = chain.order, chain.period, chain.u_max
+    y, lift = derivatives(order, chain.x, u_max), lift_after(order, period)
     u, t = lowest, max(t_star, period)
     for _ in range(ROUNDS):
         most = state_after(y, t)
         slope = state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
-        noise = ROUNDING * _size(p, t)
+        noise = ROUNDING * _size(chain.p, t)
         room = most[3] - target
         if room + noise < (u_max - u) * slope[3]:
             u = u_max - (room - 2.0 * noise) / slope[3]
@@ -108,12 +120,13 @@ def _touching(order, x, p, t_star, period, u_max, target, lowest, highest):
 
 
 @kernel
-def _needed_later(order, p, t, period, u_max, target):
-    """A bound on the input from times t, 2t, 4t, … as long as they raise it; ``p`` is x_n under u_max."""
+def _needed_later(chain, t, target):
+    """A bound on the input from times t, 2t, 4t, … as long as they raise it."""
     best = -math.inf
     for _ in range(ITERATIONS):
-        value, _, size = evaluate(p, t)
-        needed = u_max - (value - target + ROUNDING * size) / weight(order, t, period)
+        value, _, size = evaluate(chain.p, t)
+        lack = (value - target + ROUNDING * size) / weight(chain.order, t, chain.period)
+        needed = chain.u_max - lack
         if not needed > best:
             break
         best, t = needed, 2.0 * t
@@ -121,44 +134,49 @@ def _needed_later(order, p, t, period, u_max, target):
 
 
 @kernel
-def _rise_at(order, p, t, period, u, missing):
+def _rise_at(chain, t, u, missing):
     """Rise of U that lifts x_n(t) by ``missing`` and a rounding; 0 if nothing is missing."""
     if missing <= 0.0:
         return 0.0
-    return (missing + ROUNDING * _size(p, t)) / weight(order, t, period) + ROUNDING * abs(u)
+    lift = (missing + ROUNDING * _size(chain.p, t)) / weight(chain.order, t, chain.period)
+    return lift + ROUNDING * abs(u)
 
 
 @kernel
-def _newton(order, x, p, u, period, u_max, dip_target, tail_target):
+def _newton(chain, u, dip_target, tail_target):
     """The input itself where both parts reach their targets, otherwise Newton's next; u_max ends a dip."""
-    dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
-    dip_rise = _rise_at(order, p, t_dip, period, u, dip_target - dip)
-    tail_rise = _rise_at(order, p, t_tail, period, u, tail_target - tail)
-    return max(u + tail_rise, min(u + dip_rise, u_max))
+    dip, t_dip, tail, t_tail = lower_parts(chain.order, chain.x, u, chain.period, chain.u_max)
+    dip_rise = _rise_at(chain, t_dip, u, dip_target - dip)
+    tail_rise = _rise_at(chain, t_tail, u, tail_target - tail)
+    return max(u + tail_rise, min(u + dip_rise, chain.u_max))
 
 
 @kernel
-def _least_input(order, x, p, t, period, u_max, dip_target, tail_target, lowest, highest):
+def _least_input(chain, t, dip_target, tail_target, lowest, highest):
     """Least input in ``[lowest, highest]`` that reaches the targets; ``highest`` where none is found."""
     u = lowest
     for k in range(ITERATIONS):
         last = u
-        u = _newton(order, x, p, u, period, u_max, dip_target, tail_target)
+        u = _newton(chain, u, dip_target, tail_target)
         if u == last:
             return u
         if k == 0:
-            u = max(u, _needed_later(order, p, t, period, u_max, tail_target))
+            u = max(u, _needed_later(chain, t, tail_target))
         if not u < highest:
             break
     return highest
 
 
 @kernel
-def required(order, x, u_max, bound, period, gamma, floor_input, input_max):
+def required(order, x, bound, floor_input, held):
     """Least held input from ``floor_input`` up that the filter admits, g_n, and whether x is in the set.
 
-    ``x`` as in ``held_lower``. No answer above ``floor_input`` exceeds u_max in the set, ``input_max`` outside.
+    ``x`` as in ``held_lower``; ``held`` has the fields of ``Held``. No answer above ``floor_input`` exceeds
+    u_max in the set, ``input_max`` outside. A bound of −∞ asks for nothing.
     """
+    if bound == -math.inf:
+        return floor_input, math.inf, True
+    u_max, period, gamma = held.u_max, held.period, held.gamma
     drift = DRIFT * (abs(x[3]) + abs(bound))
     x = (x[0], x[1], x[2], x[3] - bound)
     value, t_star = lower(order, x, u_max)
@@ -166,15 +184,15 @@ def required(order, x, u_max, bound, period, gamma, floor_input, input_max):
     is_inside = value >= -(drift + DRIFT * _size(p, t_star))
     dip_target = (1.0 - gamma) * value if value >= 0.0 else value
     tail_target = dip_target if is_inside else (1.0 - gamma) * value
-    highest = u_max if is_inside else input_max
+    highest = u_max if is_inside else held.input_max
     if floor_input >= highest:
         return floor_input, value, is_inside
-    u, is_certain = _touching(order, x, p, t_star, period, u_max, tail_target, floor_input, highest)
+    chain = Chain(order, x, p, u_max, period)
+    u, is_certain = _touching(chain, t_star, tail_target, floor_input, highest)
     noise = ROUNDING * _size(p, period)
     if is_certain and (u == highest or stays_above(derivatives(order, x, u), period, dip_target + noise)):
         return u, value, is_inside
-    t = max(t_star, period)
-    u = _least_input(order, x, p, t, period, u_max, dip_target, tail_target, u, highest)
+    u = _least_input(chain, max(t_star, period), dip_target, tail_target, u, highest)
     return u, value, is_inside
 
 
@@ -198,13 +216,13 @@ def sampled_value_batch(x, u, u_max, bound, period, value, t_star):
 
 
 @kernel
-def sampled_input_batch(x, desired, u_max, bound, period, gamma, reserve, u, in_set):
-    """Rows of ``required``."""
+def sampled_input_batch(x, desired, u_max, bound, holding, u, in_set):
+    """Rows (N, n) of ``required``; ``holding``: Δ in s, γ, and the largest input outside the set in u_max."""
+    period, gamma, reserve = holding
     x = borrowed(x)
     for i in range(x.shape[0]):
-        u[i], _, in_set[i] = required(
-            x.shape[1], _padded(x[i]), u_max[i], bound[i], period, gamma, desired[i], reserve * u_max[i]
-        )
+        held = Held(u_max[i], gamma, reserve * u_max[i], period)
+        u[i], _, in_set[i] = required(x.shape[1], _padded(x[i]), bound[i], desired[i], held)
 
 
 def sampled_value(
@@ -269,7 +287,8 @@ def sampled_input(
     if finite_number("reserve", reserve) < 1.0:
         raise ValueError(f"reserve must be a finite number >= 1, got {reserve!r}")
     u, in_set = np.empty_like(wishes), np.empty(len(wishes), dtype=np.bool_)
-    sampled_input_batch(states, wishes, u_maxs, bounds, period, gamma, float(reserve), u, in_set)
+    holding = (period, gamma, float(reserve))
+    sampled_input_batch(states, wishes, u_maxs, bounds, holding, u, in_set)
     return u.reshape(leading), in_set.reshape(leading)
 
 

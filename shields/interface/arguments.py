@@ -1,17 +1,20 @@
 """What a shield is given, as arrays that its kernels take, and the sentences for what they do not take."""
 
 import math
+from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
-from shields.interface.filtered import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
+from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
 LONGEST_PERIOD = 2.0  # s
+SNAPSHOT = {"memory", "size", "period", "is_single"}
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
 
@@ -102,3 +105,27 @@ def check_no_acceleration(acceleration: ArrayLike, shape: tuple[int, ...]) -> No
         raise ValueError(f"acceleration must have the shape of center, got {found.shape}")
     if found.any():
         raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
+
+
+def checked_mask(mask: ArrayLike, shape: tuple[int, ...] | None) -> NDArray[np.bool_]:
+    """``mask`` as booleans of this shape, or without one of any (N,)."""
+    rows = np.asarray(mask)
+    if rows.dtype != np.bool_ or (rows.ndim != 1 if shape is None else rows.shape != shape):
+        wanted = "(N,)" if shape is None else shape
+        raise ValueError(f"mask must be booleans of shape {wanted}, got {rows.dtype} of shape {rows.shape}")
+    return rows
+
+
+def check_snapshot(snapshot: Mapping[str, NDArray]) -> None:
+    """Raise unless ``snapshot`` is one of a shield, or empty."""
+    if snapshot and set(snapshot) != SNAPSHOT:
+        raise ValueError(f"snapshot must hold {', '.join(sorted(SNAPSHOT))}, got {sorted(snapshot)}")
+
+
+def checked_memory(found: NDArray[Any], own: NDArray[Any]) -> NDArray[Any]:
+    """The memory of a snapshot, if it is that of an equal shield."""
+    if (own.shape, own.dtype) != (found.shape, found.dtype):
+        raise ValueError(
+            f"snapshot must have memory of {own.shape} {own.dtype}, got {found.shape} {found.dtype}"
+        )
+    return found

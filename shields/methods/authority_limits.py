@@ -13,7 +13,8 @@ sets: what still leaves them is refused by the certificate.
 
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
-from shields.methods.halfspace import Demand, least_input
+from shields.filters.sampled import required
+from shields.interface.records import Demand
 
 LIMITS = 3
 
@@ -43,7 +44,7 @@ def thrust_demand(x, u, sign, sampling, authority):
     drift = dot(across, across) / length if sign < 0.0 else 0.0
     bound = authority.thrust_min if sign > 0.0 else -authority.thrust_max
     state = (0.0, 0.0, sign * rate, sign * length)
-    least, value, is_admissible = least_input(2, state, sign * (dot(e, u) + drift), bound, sampling)
+    least, value, is_admissible = required(2, state, bound, sign * (dot(e, u) + drift), sampling)
     return Demand(scale(sign, e), least - sign * drift, value, is_admissible)
 
 

@@ -21,36 +21,50 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import broadcast_rows, positive_number
-from quadsafe_core.kernels.borrow import carved, one_row
+from quadsafe_core.kernels.borrow import one_row, taken
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import dot, subtract, triple
+from quadsafe_core.kernels.vec3 import dot, subtract, triple, vector
 from quadsafe_core.maths.feedback import held_gains
-from shields.chains.integrator import lower1, lower2, lower3, lower4, required_input
+from shields.chains.integrator import required_input
+from shields.chains.lower_bound import lower1, lower2, lower3, lower4
 from shields.chains.radial import radial_motion, shifted_snap
-from shields.interface.filtered import (
+from shields.interface.filtered import NUMBERS
+from shields.interface.records import Measured, Obstacles
+from shields.interface.row_checks import (
     BAD_SHAPES,
     BRAKING_POLE,
     CROWDED,
     DONE,
-    FACTS,
     FLOATS,
     MOVING,
-    OBSTACLE,
-    RESERVE,
     TOO_LARGE,
-    VALUE,
-    Kernels,
     answer,
+    answers_in,
     checked_rows,
-    closing_bounds,
-    velocities_or,
+    flat_of_row,
     wanted_snap,
 )
+from shields.methods.flight_bounds import closing_bounds
+from shields.methods.method import Kernels
 
-CONSTANTS = 10
+CBF_SETTINGS = np.dtype(
+    [
+        ("rows", "i8"),  # N
+        ("obstacles", "i8"),  # K
+        ("distance", "f8"),  # to keep, in radii
+        ("closing", "f8", (3,)),  # the fields of ``ClosingBounds``
+        ("u_max", "f8"),  # m/s⁴
+        ("alpha", "f8"),  # 1/s
+        ("input_max", "f8"),  # m/s⁴
+        ("braking", "f8", (3,)),  # gains on (v, a, j)
+    ],
+    align=True,
+)
+SETTINGS_ROW = np.zeros(0, dtype=CBF_SETTINGS)
 
 
 class ClosingBounds(NamedTuple):
@@ -114,49 +128,55 @@ def present_obstacle(i, radius):
     return found
 
 
-@kernel
-def cbf_row(i, flat, center, radius, velocity, snap, constants, safe, facts):
-    """Filter row i; ``DONE``, or what is wrong with it.
+@register_jitable
+def cbf_memory(memory, n, k):
+    """The parts of a memory of N vehicles and K spheres: settings (1), velocities (N, K, 3), m/s."""
+    settings, memory = taken(memory, SETTINGS_ROW, (1,))
+    velocities, memory = taken(memory, FLOATS, (n, k, 3))
+    return settings, velocities
 
-    ``constants``: keep-out distance per radius, the entries of ``ClosingBounds`` and ``Limits``, braking gains.
-    """
-    k, u_max = present_obstacle(i, radius), constants[4]
-    wanted = wanted_snap(i, flat, snap, (constants[7], constants[8], constants[9]), facts)
-    u = wanted
+
+@kernel
+def cbf_row(i, measured, settings, answers):
+    """Filter row i of what was measured; ``DONE``, or what is wrong with it. ``settings``: ``CBF_SETTINGS``."""
+    x, (center, velocity, radius), fact = flat_of_row(i, measured.flat), measured.spheres, answers.facts[i]
+    wanted = wanted_snap(x, vector(measured.snap[i]), vector(settings["braking"]), fact)
+    u, k = wanted, present_obstacle(i, radius)
     if k == -2:
         return CROWDED
     if k >= 0:
         if triple(velocity, i, k) != (0.0, 0.0, 0.0):
             return MOVING
-        bounds = ClosingBounds(constants[1], constants[2], constants[3])
-        limits = Limits(u_max, constants[5], constants[6])
-        x = (triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
-        distance = constants[0] * radius[i, k]
-        u, U, facts[i, VALUE] = safe_snap(x, triple(center, i, k), distance, wanted, bounds, limits)
+        low = settings["closing"]
+        bounds = ClosingBounds(low[0], low[1], low[2])
+        limits = Limits(settings["u_max"], settings["alpha"], settings["input_max"])
+        distance = settings["distance"] * radius[i, k]
+        u, U, fact["value"] = safe_snap(x, triple(center, i, k), distance, wanted, bounds, limits)
         if u != wanted:
-            facts[i, OBSTACLE], facts[i, RESERVE] = k, max(0.0, U / u_max)
-    return DONE if answer(i, wanted, u, safe, facts) else TOO_LARGE
+            fact["obstacle"], fact["reserve"] = k, max(0.0, U / limits.u_max)
+    return DONE if answer(i, wanted, u, answers) else TOO_LARGE
 
 
 @kernel
-def cbf_batch(flat, center, radius, snap, velocity, memory, out):
-    """Rows of ``cbf_row``; the first code that is not ``DONE``. The memory: constants, velocities of 0."""
+def cbf_batch(flat, center, radius, snap, memory, out):
+    """Rows of ``cbf_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
     n, k = flat.shape[0], radius.shape[1]
-    if not (memory.shape[0] == CONSTANTS + 3 * n * k and out.shape[0] == (3 + FACTS) * n):
+    first, _ = taken(memory, SETTINGS_ROW, (1,))
+    if not (first[0]["rows"] == n and first[0]["obstacles"] == k and out.shape[0] == NUMBERS * n):
         return BAD_SHAPES
-    moving = velocities_or(velocity, memory, 8 * CONSTANTS, n, k)
-    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
-    code = checked_rows(flat, center, radius, moving, snap, safe)
+    settings, velocities = cbf_memory(memory, n, k)
+    measured, answers = Measured(flat, Obstacles(center, velocities, radius), snap), answers_in(out, n)
+    code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
-            code = cbf_row(i, flat, center, radius, moving, snap, memory, safe, facts)
+            code = cbf_row(i, measured, settings[0], answers)
     return code
 
 
 @kernel
-def cbf_one(flat, center, radius, snap, velocity, memory, out):
+def cbf_one(flat, center, radius, snap, memory, out):
     """``cbf_batch`` of one vehicle without the leading axis."""
-    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), velocity, memory, out)
+    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, out)
 
 
 @kernel
@@ -201,13 +221,14 @@ class CbfMethod:
     """Equation (33), one sphere per row; it remembers nothing."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        u_max = settings["snap_max"]
-        limits = Limits(u_max, settings["alpha"], settings["reserve"] * u_max)
-        self._constants = [1.0 + settings["margin"], *closing_bounds(settings), *limits]
+        self._settings = settings
 
     def allocate(self, rows: int, obstacles: int) -> None:
-        """Room for the constants, and velocities of 0."""
-        self.memory = np.zeros(CONSTANTS + 3 * rows * obstacles)
+        """Room for the settings, and velocities of 0."""
+        self._size = (rows, obstacles)
+        self.memory = np.zeros(CBF_SETTINGS.itemsize + 24 * rows * obstacles, dtype=np.uint8)
+        record = cbf_memory(self.memory, rows, obstacles)[0][0]
+        record["rows"], record["obstacles"] = rows, obstacles
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Nothing to forget."""
@@ -215,9 +236,17 @@ class CbfMethod:
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Nothing to forget."""
 
+    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
+        """Spheres move at velocities (N, K, 3), m/s, or all at 0; those that do are refused."""
+        cbf_memory(self.memory, *self._size)[1][:] = velocity
+
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        self.memory[:CONSTANTS] = [*self._constants, *held_gains(3, BRAKING_POLE, period)]
+        record, kept = cbf_memory(self.memory, *self._size)[0][0], self._settings
+        record["distance"], record["closing"] = 1.0 + kept["margin"], closing_bounds(kept)
+        record["u_max"], record["alpha"] = kept["snap_max"], kept["alpha"]
+        record["input_max"] = kept["reserve"] * kept["snap_max"]
+        record["braking"] = held_gains(3, BRAKING_POLE, period)
         return Kernels(cbf_batch, cbf_one, (self.memory,))
 
 

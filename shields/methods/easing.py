@@ -28,7 +28,6 @@ SLACK, REACH, BORDER = 0.1, 20.0, 1.0
 LET_GO = -0.2
 # Of the margin around a radius, the share that may be used up at the border; and rounding, m.
 SHARE, ROUNDING = 0.25, 1e-9
-NUMBERS = 6
 
 
 class Easing(NamedTuple):
@@ -39,16 +38,10 @@ class Easing(NamedTuple):
     within: float
 
 
-def easing_numbers(period: float, margin: float) -> list[float]:
-    """The numbers of the ``Easing`` at a control period, s, of a shield with that margin."""
+def easing_at(period: float, margin: float) -> Easing:
+    """The ``Easing`` at a control period, s, of a shield with that margin."""
     within = (1.0 + (1.0 - SHARE) * margin) / (1.0 + margin)
-    return [*held_gains(4, POLE, period).tolist(), -math.expm1(-POLE * period), within]
-
-
-@inline_kernel
-def easing_of(n, i):
-    """The ``Easing`` whose numbers stand in an array from place i on."""
-    return Easing((n[i], n[i + 1], n[i + 2], n[i + 3]), n[i + 4], n[i + 5])
+    return Easing(tuple(held_gains(4, POLE, period).tolist()), -math.expm1(-POLE * period), within)
 
 
 @inline_kernel

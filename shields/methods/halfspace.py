@@ -15,7 +15,6 @@ vehicle can turn with: the chain is then kept in the braking set under these bou
 (``shields.filters.braking_held``).
 """
 
-import math
 from typing import NamedTuple
 
 from quadsafe_core.authority import Authority, acceleration_along
@@ -23,8 +22,9 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
 from shields.chains.braking_arcs import BrakingBounds
 from shields.chains.radial import line_of_sight
-from shields.filters.braking_held import braking_held_input
+from shields.filters.braking_backup import braking_held_input
 from shields.filters.sampled import required
+from shields.interface.records import Demand
 from shields.methods.easing import (
     BORDER,
     LET_GO,
@@ -41,15 +41,6 @@ from shields.methods.easing import (
 HORIZON = 2.0
 # In place of the −∞ of a state whose backup never comes to rest.
 LEAST = -1e300
-
-
-class Demand(NamedTuple):
-    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
-
-    n: tuple
-    least: float
-    value: float
-    is_admissible: bool
 
 
 class Sampling(NamedTuple):
@@ -69,19 +60,10 @@ class Sampling(NamedTuple):
 
 
 @kernel
-def least_input(order, state, wanted, bound, sampling):
-    """Least input from the wanted one up that the filter admits, g_n, and whether the state is in the set."""
-    if bound == -math.inf:
-        return wanted, math.inf, True
-    u_max, gamma, input_max, period, _, _ = sampling
-    return required(order, state, u_max, bound, period, gamma, wanted, input_max)
-
-
-@kernel
 def least_along(n, state, wanted, distance, sampling, authority):
-    """``least_input`` of the distance along n; under upper bounds on jerk and acceleration if there are any."""
+    """``required`` of the distance along n; under upper bounds on jerk and acceleration if there are any."""
     if authority is None:
-        return least_input(4, state, wanted, distance, sampling)
+        return required(4, state, distance, wanted, sampling)
     reach = acceleration_along(n[2], authority)
     bounds = BrakingBounds(distance, authority.jerk_max, reach, -authority.snap_max, authority.snap_max)
     u, value, is_admissible = braking_held_input(state, wanted, bounds, sampling.period, sampling.gamma)
@@ -184,7 +166,7 @@ def distance_demand(x, last, wanted, distance, sampling):
 def closing_along(n, x, wanted, closing, sampling):
     """The least ``n·u``, from the wanted one up, that keeps closing speed, acceleration and jerk bounded."""
     y1, y2, y3, U = dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, wanted)
-    speed, g3, holds3 = least_input(3, (0.0, y1, y2, y3), U, closing[0], sampling)
-    acceleration, g2, holds2 = least_input(2, (0.0, 0.0, y1, y2), U, closing[1], sampling)
-    jerk, g1, holds1 = least_input(1, (0.0, 0.0, 0.0, y1), U, closing[2], sampling)
+    speed, g3, holds3 = required(3, (0.0, y1, y2, y3), closing[0], U, sampling)
+    acceleration, g2, holds2 = required(2, (0.0, 0.0, y1, y2), closing[1], U, sampling)
+    jerk, g1, holds1 = required(1, (0.0, 0.0, 0.0, y1), closing[2], U, sampling)
     return Demand(n, max(speed, acceleration, jerk), min(g3, g2, g1), holds3 and holds2 and holds1)

@@ -11,37 +11,15 @@ import numpy as np
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, vector, write3
 from quadsafe_core.maths.projection import project
-from shields.backup.arcs import Flat
-from shields.backup.certificate import FlightLimits
 from shields.backup.stored_stop import NOTHING, within_ball
+from shields.chains.flat_state import Flat
 from shields.chains.radial import line_of_sight
-from shields.interface.filtered import OBSTACLE, RESERVE, VALUE
+from shields.interface.records import Demand
 from shields.methods.authority_limits import LIMITS, limit_demand
-from shields.methods.halfspace import Demand, Sampling, closing_along, demand_along, distance_demand, excess
+from shields.methods.halfspace import closing_along, demand_along, distance_demand, excess
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
 SLACK = 1.0 - 1e-12
-
-
-class Width(NamedTuple):
-    """A tube around a stored stop, of the vehicle and of what is known of it, m."""
-
-    vehicle: float
-    estimate: float
-
-
-class JointSettings(NamedTuple):
-    """What the sampled shield keeps, fixed for a period; whether that is only distances; the tube if any."""
-
-    sampling: Sampling
-    limits: FlightLimits
-    margin: float
-    closing: tuple | None
-    gains: tuple
-    braking: tuple
-    recovery: tuple
-    is_free: bool
-    tube: Width | None
 
 
 class HalfSpaces(NamedTuple):
@@ -49,6 +27,17 @@ class HalfSpaces(NamedTuple):
 
     normals: np.ndarray
     offsets: np.ndarray
+
+
+class Row(NamedTuple):
+    """What is remembered and told of one vehicle.
+
+    The half-spaces that were chosen last (K) ``HALF_SPACE``, its stored stop ``PLAN``, its ``FACTS``.
+    """
+
+    chosen: np.ndarray
+    plan: np.void
+    fact: np.void
 
 
 @kernel
@@ -65,17 +54,21 @@ def relative_to(x, center, velocity):
 
 
 @kernel
-def choose_directions(i, x, wanted, center, velocity, radius, last, settings, facts):
-    """Pick the half-spaces, note the least value; whether one asks for a correction, and x is outside all."""
+def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
+    """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all spheres.
+
+    ``chosen``: (K) ``HALF_SPACE``, of the last period before and of this one after.
+    """
+    center, velocity, radius = spheres
     is_cut, is_outside = False, True
     for k in range(radius.shape[1]):
         if radius[i, k] > 0.0:
             y = relative_to(x, triple(center, i, k), triple(velocity, i, k))
             distance = (1 + settings.margin) * radius[i, k]
-            demand = distance_demand(y, triple(last, i, k), wanted, distance, settings.sampling)
-            last[i, k, 0], last[i, k, 1], last[i, k, 2] = demand.n
-            last[i, k, 3] = demand.least
-            facts[i, VALUE] = min(facts[i, VALUE], demand.value)
+            demand = distance_demand(y, vector(chosen[k]["n"]), wanted, distance, settings.sampling)
+            write3(chosen[k]["n"], demand.n)
+            chosen[k]["least"] = demand.least
+            fact["value"] = min(fact["value"], demand.value)
             is_cut |= excess(demand, wanted) > 0.0
             is_outside &= norm(y.r) >= radius[i, k]
     return is_cut, is_outside
@@ -92,68 +85,68 @@ def enter(half_spaces, row, demand, u):
 
 
 @kernel
-def note_demand(demand, u, k, most, facts):
+def note_demand(demand, u, k, most, fact):
     """Remember the sphere that asks for the largest correction, and the largest input asked for."""
-    facts[RESERVE] = max(facts[RESERVE], demand.least)
+    fact["reserve"] = max(fact["reserve"], demand.least)
     correction = excess(demand, u)
     if correction > most:
-        facts[OBSTACLE] = k
+        fact["obstacle"] = k
     return max(most, correction)
 
 
 @kernel
-def cut(x, u, spheres, last, settings, half_spaces, facts, most):
+def cut(x, u, spheres, row, settings, half_spaces, most):
     """Enter the half-spaces that u is outside of, distance and closing of each sphere.
 
     Returns whether there was one, and the largest correction asked for so far.
     """
     center, velocity, radius = spheres
     sampling = settings.sampling
-    is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, facts, most)
+    is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, row.fact, most)
     for k in range(radius.shape[0]):
         if radius[k] > 0.0:
             y = relative_to(x, vector(center[k]), vector(velocity[k]))
             if half_spaces.offsets[k] == -math.inf:
-                demand = demand_along(vector(last[k]), y, u, (1 + settings.margin) * radius[k], sampling)
+                distance = (1 + settings.margin) * radius[k]
+                demand = demand_along(vector(row.chosen[k]["n"]), y, u, distance, sampling)
                 if enter(half_spaces, k, demand, u):
-                    is_cut, most = True, note_demand(demand, u, k, most, facts)
-            cuts, most = cut_closing(k, y, u, settings.closing, sampling, half_spaces, facts, most)
-            is_cut |= cuts
+                    is_cut, most = True, note_demand(demand, u, k, most, row.fact)
+            demand = closing_demand(y, u, settings.closing, sampling)
+            row.fact["value"] = min(row.fact["value"], demand.value)
+            if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
+                is_cut, most = True, note_demand(demand, u, k, most, row.fact)
     return is_cut, most
 
 
 @kernel
-def cut_as_chosen(wanted, radius, last, half_spaces, facts):
+def cut_as_chosen(wanted, radius, row, half_spaces):
     """Enter the half-spaces that ``choose_directions`` has found the wanted snap outside of."""
     most = 0.0
     for k in range(radius.shape[0]):
         if radius[k] > 0.0:
-            demand = Demand(vector(last[k]), last[k, 3], 0.0, True)
+            demand = Demand(vector(row.chosen[k]["n"]), row.chosen[k]["least"], 0.0, True)
             if enter(half_spaces, k, demand, wanted):
-                most = note_demand(demand, wanted, k, most, facts)
+                most = note_demand(demand, wanted, k, most, row.fact)
     return True, most
 
 
 @kernel
-def cut_closing(k, y, u, closing, sampling, half_spaces, facts, most):
-    """Enter the half-space that bounds the closing motion of sphere k if u is outside of it."""
+def closing_demand(y, u, closing, sampling):
+    """The half-space that bounds the closing motion to a sphere; without bounds one that holds every snap."""
     if closing is not None:
-        demand = closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
-        facts[VALUE] = min(facts[VALUE], demand.value)
-        if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
-            return True, note_demand(demand, u, k, most, facts)
-    return False, most
+        return closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
+    return Demand((0.0, 0.0, 1.0), -math.inf, math.inf, True)
 
 
 @kernel
-def cut_by_limits(x, u, sampling, authority, half_spaces, facts, most):
+def cut_by_limits(x, u, sampling, authority, half_spaces, fact, most):
     """Enter the half-spaces of the authority that u is outside of."""
     is_cut = False
     if authority is not None:
         for limit in range(LIMITS):
             demand = limit_demand(limit, x, u, sampling, authority)
             if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS + limit, demand, u):
-                is_cut, most = True, note_demand(demand, u, -1, most, facts)
+                is_cut, most = True, note_demand(demand, u, -1, most, fact)
     return is_cut, most
 
 
@@ -173,21 +166,22 @@ def shortened(u, half_spaces, snap_max):
 
 
 @kernel
-def nearest_snap(x, wanted, is_chosen, spheres, last, settings, facts):
+def nearest_snap(x, wanted, is_chosen, spheres, row, settings):
     """The nearest snap to the wanted one in every half-space and the ball, and whether there is one.
 
     ``is_chosen``: whether the half-spaces were chosen for this snap, and one of them asks for a correction.
     """
-    half_spaces, snap_max = no_half_spaces(spheres[2].shape[0]), settings.limits.snap_max
+    radius, snap_max = spheres.keep_out, settings.flight.limits.snap_max
+    half_spaces = no_half_spaces(radius.shape[0])
     wanted = within_ball(wanted, snap_max)
     u, is_feasible = wanted, True
     if is_chosen:
-        is_cut, most = cut_as_chosen(wanted, spheres[2], last, half_spaces, facts)
+        is_cut, most = cut_as_chosen(wanted, radius, row, half_spaces)
     else:
-        is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, 0.0)
+        is_cut, most = cut(x, u, spheres, row, settings, half_spaces, 0.0)
     while is_cut and is_feasible:
         rows = half_spaces.offsets.shape[0]
         px, py, pz, is_feasible = project(wanted, half_spaces.normals, half_spaces.offsets, rows)
         u = shortened((px, py, pz), half_spaces, snap_max)
-        is_cut, most = cut(x, u, spheres, last, settings, half_spaces, facts, most)
+        is_cut, most = cut(x, u, spheres, row, settings, half_spaces, most)
     return u, is_feasible

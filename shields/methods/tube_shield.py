@@ -13,108 +13,85 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.kernels.borrow import borrowed, carved, one_row
-from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.borrow import borrowed, one_row, taken
+from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, triple, vector, write3
-from shields.backup.arcs import CLEAR, HIT, Flat, Spheres, flat_of, flown, look_at_arc, write_flat
+from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
 from shields.backup.stored_stop import PLAN, advance_stop, tracking_snap, within_ball
-from shields.interface.filtered import (
-    BAD_SHAPES,
-    DONE,
-    FACTS,
-    FLOATS,
-    IS_CERTIFIED,
-    IS_FALLBACK,
-    Kernels,
-    braking,
-    checked_rows,
-    velocities_or,
+from shields.chains.flat_state import flat_of, flown, write_flat
+from shields.interface.records import Measured, MovingSpheres, Obstacles
+from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
+from shields.methods.flight_bounds import FlightBounds, bounds_of
+from shields.methods.memory import (
+    SETTINGS_ROW,
+    SampledMemory,
+    TubeMemory,
+    empty_memory,
+    is_memory_of,
+    kind_of,
+    sampled_memory,
+    sampled_size,
+    settings_of,
+    tube_memory,
+    tube_size,
+    write_settings,
 )
-from shields.methods.flight_bounds import Bounds, bounds_of
-from shields.methods.nearest_snap import Width
-from shields.methods.sampled_shield import (
-    PLAN_BYTES,
-    PLANS,
-    SETTINGS,
-    SampledMethod,
-    joint_row,
-    places,
-    unpacked,
-)
+from shields.methods.method import Kernels
+from shields.methods.sampled_row import sampled_row
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
-
-FLAT_BYTES, POINT_BYTES, NUMBER_BYTES = 96, 24, 8
-
-
-@inline_kernel
-def tubed_places(n, k, delay):
-    """Where in the memory, behind that of a sampled shield, begins what a tubed one has as well, and its size.
-
-    The flat states, centres and radii that it works on, the stops before the last answers, the answers that are
-    on their way, and how many of the last answers were certified, without a break.
-    """
-    flats = places(n, k)[3]
-    centers = flats + FLAT_BYTES * n
-    radii = centers + POINT_BYTES * n * k
-    before = radii + NUMBER_BYTES * n * k
-    pending = before + PLAN_BYTES * n
-    chains = pending + POINT_BYTES * n * delay
-    return flats, centers, radii, before, pending, chains, chains + NUMBER_BYTES * n
 
 
 @kernel
-def predicted(i, flat, pending, period):
-    """The flat state of row i when every answer that is on its way has been flown."""
-    x = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
-    for answer in range(pending.shape[1]):
-        x = flown(x, triple(pending, i, answer), period)
+def predicted(x, pending, period):
+    """The flat state when every answer that is on its way, (d, 3), has been flown."""
+    for answer in range(pending.shape[0]):
+        x = flown(x, vector(pending[answer]), period)
     return x
 
 
 @kernel
-def work_on(i, ahead, width, given, centers, radii):
-    """Put down what the sampled shield works on: radii with the tube, everything as it will be."""
-    center, velocity, radius = given
+def write_world_ahead(i, ahead, spheres, width, tubes):
+    """Put down the spheres of row i as they will be in ``ahead`` seconds, with radii larger by the tube."""
+    center, velocity, radius = spheres
     for k in range(radius.shape[1]):
-        write3(centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
+        write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
         # An absent sphere stays one.
-        radii[i, k] = radius[i, k] + width.vehicle if radius[i, k] > 0.0 else 0.0
+        tubes.radii[i, k] = radius[i, k] + width.vehicle if radius[i, k] > 0.0 else 0.0
 
 
 @kernel
-def send(i, snap, pending):
+def send(snap, pending):
     """Put the answer behind those that are on their way, the first of which has been flown."""
-    last = pending.shape[1] - 1
+    last = pending.shape[0] - 1
     for answer in range(last):
-        write3(pending[i, answer], triple(pending, i, answer + 1))
+        write3(pending[answer], vector(pending[answer + 1]))
     if last >= 0:
-        write3(pending[i, last], vector(snap[i]))
+        write3(pending[last], vector(snap))
 
 
 @kernel
-def is_here_clear(i, flat, pending, chain, given, width, period):
+def is_here_clear(i, x, spheres, tubes, width, period):
     """Whether the vehicle as it is, not only as it will be, is where a certificate has it.
 
     Where all that is on its way was certified, no point of its path may lie in a sphere by more than errors do.
     Before that the path must be clear for sure.
     """
-    center, velocity, radius = given
-    error, delay, count = width.estimate - width.vehicle, pending.shape[1], radius.shape[1]
-    x = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+    center, velocity, radius = spheres
+    error, delay, count = width.estimate - width.vehicle, tubes.pending.shape[1], radius.shape[1]
     for k in range(count):
         if norm(subtract(x.r, triple(center, i, k))) < radius[i, k] - error:
             return False
     if delay == 0:
         return True
-    is_chained, keep_out = chain[i] >= delay, np.zeros(count)
+    is_chained, keep_out = tubes.chains[i] >= delay, np.zeros(count)
     for k in range(count):
         if radius[i, k] > 0.0:
             keep_out[k] = max(radius[i, k] - error, 0.0) if is_chained else radius[i, k] + error
-    spheres = Spheres(center[i], velocity[i], keep_out)
+    kept = MovingSpheres(center[i], velocity[i], keep_out)
     for answer in range(delay):
-        snap = triple(pending, i, answer)
-        found = look_at_arc(x, snap, answer * period, period, spheres, ANY_THRUST)
+        snap = triple(tubes.pending, i, answer)
+        found = look_at_arc(x, snap, answer * period, period, kept, ANY_THRUST)
         if found == HIT or (found != CLEAR and not is_chained):
             return False
         x = flown(x, snap, period)
@@ -122,111 +99,118 @@ def is_here_clear(i, flat, pending, chain, given, width, period):
 
 
 @kernel
-def withdraw(i, facts, is_here, chain):
+def withdraw(i, fact, is_here, chains):
     """No certificate where the vehicle is not where it has it; count those without a break."""
-    if facts[i, IS_CERTIFIED] != 0.0 and not is_here:
-        facts[i, IS_CERTIFIED], facts[i, IS_FALLBACK] = 0.0, 1.0
-    chain[i] = chain[i] + 1.0 if facts[i, IS_CERTIFIED] != 0.0 else 0.0
+    if fact["certified"] != 0.0 and not is_here:
+        fact["certified"], fact["fallback"] = 0.0, 1.0
+    chains[i] = chains[i] + 1.0 if fact["certified"] != 0.0 else 0.0
 
 
 @kernel
-def tubed_batch(flat, center, radius, snap, velocity, memory, closing, authority, width, delay, out):
-    """Rows of ``joint_row`` on what will be when the answer is flown; the first code that is not ``DONE``."""
-    n, k = flat.shape[0], radius.shape[1]
-    flats_at, centers_at, radii_at, before_at, pending_at, chains_at, size = tubed_places(n, k, delay)
-    half_spaces_at, velocities_at, stops_at, _ = places(n, k)
-    if not (memory.shape[0] == size and out.shape[0] == (3 + FACTS) * n):
-        return BAD_SHAPES
-    last, plans = carved(memory, half_spaces_at, FLOATS, (n, k, 4)), carved(memory, stops_at, PLANS, (n,))
-    before, pending = carved(memory, before_at, PLANS, (n,)), carved(memory, pending_at, FLOATS, (n, delay, 3))
-    flats, centers = carved(memory, flats_at, FLOATS, (n, 4, 3)), carved(memory, centers_at, FLOATS, (n, k, 3))
-    radii, moving = (
-        carved(memory, radii_at, FLOATS, (n, k)),
-        velocities_or(velocity, memory, velocities_at, n, k),
-    )
-    safe, facts = carved(out, 0, FLOATS, (n, 3)), carved(out, 24 * n, FLOATS, (n, FACTS))
-    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), closing, authority, width)
-    flat, center, radius = borrowed(flat), borrowed(center), borrowed(radius)
-    period, chain = settings.sampling.period, carved(memory, chains_at, FLOATS, (n,))
-    code = checked_rows(flat, center, radius, moving, snap, safe)
-    for i in range(n):
-        if code == DONE:
-            is_here = is_here_clear(i, flat, pending, chain, (center, moving, radius), width, period)
-            write_flat(flats[i], predicted(i, flat, pending, period))
-            work_on(i, delay * period, width, (center, moving, radius), centers, radii)
-            before[i] = plans[i]
-            code = joint_row(i, flats, centers, radii, moving, snap, last, plans, settings, safe, facts)
-            withdraw(i, facts, is_here, chain)
-            send(i, safe, pending)
+def tube_row(i, measured, held, tubes, settings, answers):
+    """``sampled_row`` of row i on what will be when the answer is flown; ``DONE``, or what is wrong with it."""
+    x, spheres = flat_of_row(i, measured.flat), measured.spheres
+    width, period = settings.tube, settings.flight.period
+    is_here = is_here_clear(i, x, spheres, tubes, width, period)
+    write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
+    write_world_ahead(i, tubes.pending.shape[1] * period, spheres, width, tubes)
+    tubes.before[i] = held.plans[i]
+    ahead = Measured(tubes.flats, Obstacles(tubes.centers, spheres.velocity, tubes.radii), measured.snap)
+    code = sampled_row(i, ahead, held, settings, answers)
+    withdraw(i, answers.facts[i], is_here, tubes.chains)
+    send(answers.safe[i], tubes.pending[i])
     return code
 
 
 @kernel
-def tubed_one(flat, center, radius, snap, velocity, memory, closing, authority, width, delay, out):
-    """``tubed_batch`` of one vehicle without the leading axis."""
-    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
-    return tubed_batch(flats, centers, radii, snaps, velocity, memory, closing, authority, width, delay, out)
+def tube_batch(flat, center, radius, snap, memory, kind, out):
+    """Rows of ``tube_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
+    n, k = flat.shape[0], radius.shape[1]
+    if not is_memory_of(memory, n, k, out):
+        return BAD_SHAPES
+    held, rest = sampled_memory(memory, n, k)
+    tubes = tube_memory(rest, n, k, held.settings[0]["delay"])
+    settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
+    spheres = Obstacles(borrowed(center), held.velocities, borrowed(radius))
+    measured = Measured(borrowed(flat), spheres, borrowed(snap))
+    code = checked_rows(measured, n, k)
+    for i in range(n):
+        if code == DONE:
+            code = tube_row(i, measured, held, tubes, settings, answers)
+    return code
 
 
 @kernel
-def backup_batch(mask, k, delay, memory, out):
-    """Of the rows of ``mask`` the stop before the last answer is flown, and stored again, in its place.
+def tube_one(flat, center, radius, snap, memory, kind, out):
+    """``tube_batch`` of one vehicle without the leading axis."""
+    return tube_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, kind, out)
 
-    Without such a stop the row brakes.
-    """
-    n = mask.shape[0]
-    flats_at, _, _, before_at, pending_at, _, _ = tubed_places(n, k, delay)
-    flats, before = carved(memory, flats_at, FLOATS, (n, 4, 3)), carved(memory, before_at, PLANS, (n,))
-    plans = carved(memory, places(n, k)[2], PLANS, (n,))
-    pending = carved(memory, pending_at, FLOATS, (n, delay, 3))
-    settings = unpacked(carved(memory, 0, FLOATS, (SETTINGS,)), None, None, None)
-    period, snap_max = settings.sampling.period, settings.limits.snap_max
+
+@kernel
+def backup_row(i, held, tubes, settings, out):
+    """Row i flies the stop before the last answer in its place, and stores it again; without one it brakes."""
+    x, flight = flat_of(tubes.flats[i]), settings.flight
+    period, snap_max = flight.period, flight.limits.snap_max
+    held.plans[i] = tubes.before[i]
+    if tubes.before[i]["is_stored"]:
+        write3(out[i], tracking_snap(tubes.before[i], x, period, flight.gains, snap_max))
+        advance_stop(held.plans[i], period)
+    else:
+        write3(out[i], within_ball(braking(x.v, x.a, x.j, settings.braking), snap_max))
+    last = tubes.pending.shape[1] - 1
+    if last >= 0:
+        write3(tubes.pending[i, last], vector(out[i]))
+
+
+@kernel
+def backup_batch(mask, memory, out):
+    """Rows of ``backup_row`` where ``mask`` (N,) is True, into snaps (N, 3)."""
+    first, _ = taken(memory, SETTINGS_ROW, (1,))
+    n, k, delay = first[0]["rows"], first[0]["obstacles"], first[0]["delay"]
+    held, rest = sampled_memory(memory, n, k)
+    tubes, settings = tube_memory(rest, n, k, delay), settings_of(held.settings[0], (None, None, None))
     for i in range(n):
         if mask[i]:
-            x = flat_of(flats[i])
-            plans[i] = before[i]
-            if before[i]["is_stored"]:
-                write3(out[i], tracking_snap(before[i], x, period, settings.gains, snap_max))
-                advance_stop(plans[i], period)
-            else:
-                write3(out[i], within_ball(braking(x.v, x.a, x.j, settings.braking), snap_max))
-            last = pending.shape[1] - 1
-            if last >= 0:
-                write3(pending[i, last], vector(out[i]))
+            backup_row(i, held, tubes, settings, out)
 
 
-class TubedMethod(SampledMethod):
+class TubeMethod:
     """The sampled shield that knows how wrong its knowledge may be."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        super().__init__(settings)
         uncertainty = checked_uncertainty(settings["uncertainty"])
         assert uncertainty is not None
-        self._uncertainty = uncertainty
+        self._settings, self._uncertainty = settings, uncertainty
 
     def allocate(self, rows: int, obstacles: int) -> None:
-        """Empty memory for every row, in one array."""
-        self._size = (rows, obstacles)
-        self.memory = np.zeros(int(tubed_places(rows, obstacles, self._uncertainty.delay)[-1]), dtype=np.uint8)
+        """Empty memory for every row."""
+        self._size, delay = (rows, obstacles), self._uncertainty.delay
+        size = sampled_size(rows, obstacles) + tube_size(rows, obstacles, delay)
+        self.memory = empty_memory(rows, obstacles, delay, size)
+
+    def _parts(self) -> tuple[SampledMemory, TubeMemory]:
+        """Made when they are used: a copy of this object has a memory of its own."""
+        held, rest = sampled_memory(self.memory, *self._size)
+        return held, tube_memory(rest, *self._size, self._uncertainty.delay)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows; what was on its way to them is not flown."""
-        super().forget(mask)
-        (n, k), delay = self._size, self._uncertainty.delay
-        *_, before_at, pending_at, chains_at, _ = (int(place) for place in tubed_places(n, k, delay))
-        carved(self.memory, before_at, PLANS, (n,))[mask] = np.zeros((), dtype=PLAN)
-        carved(self.memory, pending_at, FLOATS, (n, delay, 3))[mask] = 0.0
-        carved(self.memory, chains_at, FLOATS, (n,))[mask] = 0.0
+        held, tubes = self._parts()
+        held.half_spaces[mask] = np.zeros((), dtype=held.half_spaces.dtype)
+        held.plans[mask] = tubes.before[mask] = np.zeros((), dtype=PLAN)
+        tubes.pending[mask], tubes.chains[mask] = 0.0, 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Some rows fly other snaps than the last answer: their stops are void, what is on its way is not."""
-        (n, _), delay = self._size, self._uncertainty.delay
-        pending_at = int(tubed_places(*self._size, delay)[-3])
-        pending = carved(self.memory, pending_at, FLOATS, (n, delay, 3))
+        pending = self._parts()[1].pending
         on_the_way = pending[mask]
         on_the_way[:, -1:] = snaps[:, None]
         self.forget(mask)
         pending[mask] = on_the_way
+
+    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
+        """Spheres move at velocities (N, K, 3), m/s, or all at 0."""
+        self._parts()[0].velocities[:] = velocity
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
@@ -236,22 +220,26 @@ class TubedMethod(SampledMethod):
             most = bounds.input_max
             bounds = bounds._replace(limits=bounds.limits._replace(snap_max=most))
         tube = tube_of(self._uncertainty, period, bounds.limits)
-        width = Width(float(tube.deviation[0]), float(tube.deviation[0] + tube.error[0]))
-        own = self._own(period, in_the(tube, bounds), tube.gains)
-        return Kernels(tubed_batch, tubed_one, (*own, width, self._uncertainty.delay))
+        bounds, held = bounds_in_tube(tube, bounds), self._parts()[0]
+        # A stop is stored in whole periods: of another length it would be another stop.
+        held.plans["is_stored"] = False
+        write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
+        held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
+        kind = kind_of(self._settings, bounds, has_tube=True)
+        return Kernels(tube_batch, tube_one, (self.memory, tuple(kind)))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""
         out = np.zeros((mask.shape[0], 3))
-        backup_batch(mask, self._size[1], self._uncertainty.delay, self.memory, out)
+        backup_batch(mask, self.memory, out)
         return out
 
 
-def in_the(tube: Tube, bounds: Bounds) -> Bounds:
+def bounds_in_tube(tube: Tube, bounds: FlightBounds) -> FlightBounds:
     """What half-spaces and stops count on, so that a vehicle in the tube keeps to the bounds."""
     limits = tightened(bounds.limits, tube)
     if bounds.authority is None:
         return bounds._replace(limits=limits)
     band = limits.band
     authority = Authority(limits.stop_snap_max, limits.jerk_max, band.least, band.most, band.gravity)
-    return Bounds(authority.snap_max, bounds.input_max, limits, authority)
+    return FlightBounds(authority.snap_max, bounds.input_max, limits, authority)

@@ -17,8 +17,7 @@ import numpy as np
 
 from quadsafe_core.authority import checked_authority
 from quadsafe_core.flight_model import FlightModel
-from shields.backup.arcs import ThrustBand
-from shields.backup.certificate import FlightLimits
+from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.shield_settings import FREE_NUMBERS
 from shields.settings.uncertainty import (
     MOST_TAKEN,

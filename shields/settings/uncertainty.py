@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 from quadsafe_core.checks import checked_when_made, non_negative_number
 from quadsafe_core.maths.feedback import held_gains
-from shields.backup.arcs import ThrustBand
-from shields.backup.certificate import FlightLimits
 from shields.interface.arguments import LONGEST_PERIOD
+from shields.interface.records import FlightLimits, ThrustBand
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,33 @@
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
-from shields.slot.recorder import KEYS, MASKS
+# What a shield did to a plant since its policy step began; ``ShieldWrapper`` says what the fields mean.
+STEP = np.dtype(
+    [
+        ("snap_desired", "f8", (3,)),  # m/s⁴
+        ("snap_applied", "f8", (3,)),  # m/s⁴
+        ("correction", "f8"),  # m/s⁴
+        ("value", "f8"),  # m
+        ("reserve", "f8"),  # in units of ū
+        ("obstacle", "i8"),
+        ("interventions", "i8"),  # control periods
+        ("fallbacks", "i8"),  # control periods
+        ("refusals", "i8"),  # control periods
+        ("stopped", "?"),
+        ("certified", "?"),
+        ("intervened", "?"),
+        ("in_set", "?"),
+        ("fallback", "?"),
+        ("surprised", "?"),
+    ],
+    align=True,
+)
+KEYS = tuple(STEP.names or ())
+MASKS = tuple(f"_{key}" for key in KEYS)
+
 
 FLAT_KEYS = MappingProxyType({key: f"shield/{key}" for key in KEYS})
 FLAT_NAMES = MappingProxyType({**FLAT_KEYS, **{mask: f"_shield/{mask[1:]}" for mask in MASKS}})

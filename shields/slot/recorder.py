@@ -2,94 +2,111 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.kernels.borrow import carved
-from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import vector, write3
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import row_error, unusable_rows
-from shields.interface.filtered import (
-    BRAKING_POLE,
-    CORRECTION,
-    FACTS,
-    FLOATS,
-    INTERVENED,
-    IS_CERTIFIED,
-    IS_FALLBACK,
-    IS_REFUSED,
-    IS_STOPPED,
-    LARGEST,
-    OBSTACLE,
-    RESERVE,
-    ROUNDING,
-    VALUE,
-    Filtered,
-)
-from shields.shield import Shield
-from shields.slot.surprise import SENTENCE, watch_of, watch_row
+from shields.interface.filtered import NUMBERS, Filtered
+from shields.interface.row_checks import BRAKING_POLE, LARGEST, ROUNDING, answers_in
+from shields.slot.info import KEYS, MASKS, STEP
+from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
 
-# The keys of what is told: lines of vectors, numbers, counts and flags.
-SNAPS = ("snap_desired", "snap_applied")
-NUMBERS = ("correction", "value", "reserve")
-COUNTS = ("obstacle", "interventions", "fallbacks", "refusals")
-FLAGS = ("stopped", "certified", "intervened", "in_set", "fallback", "surprised")
-KEYS = (*SNAPS, *NUMBERS, *COUNTS, *FLAGS)
-MASKS = tuple(f"_{key}" for key in KEYS)
+
+class RecordedShield(Protocol):
+    """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
+
+    @property
+    def settings(self) -> dict[str, Any]: ...  # noqa: D102
+
+    @property
+    def delay(self) -> int: ...  # noqa: D102
+
+    @property
+    def can_lose(self) -> bool: ...  # noqa: D102
+
+    def filter(self, flat, center, radius, snap, period: float) -> Filtered: ...  # noqa: D102
+
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...  # noqa: D102
+
+    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]: ...  # noqa: D102
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None: ...  # noqa: D102
 
 
 @kernel
-def open_batch(snaps, numbers, counts, flags):
-    """Nothing flown yet."""
-    snaps[:] = 0.0
-    for i in range(numbers.shape[1]):
-        numbers[0, i], numbers[1, i], numbers[2, i] = 0.0, np.inf, 0.0
-        counts[0, i], counts[1, i], counts[2, i], counts[3, i] = -1, 0, 0, 0
-        flags[0, i], flags[1, i], flags[2, i], flags[3, i], flags[4, i] = False, True, False, True, False
-        flags[5, i] = False
+def open_batch(steps):
+    """Nothing flown yet, in rows (N,) ``STEP``."""
+    for i in range(steps.shape[0]):
+        step = steps[i]
+        write3(step["snap_desired"], (0.0, 0.0, 0.0))
+        write3(step["snap_applied"], (0.0, 0.0, 0.0))
+        step["correction"], step["value"], step["reserve"], step["obstacle"] = 0.0, np.inf, 0.0, -1
+        step["interventions"], step["fallbacks"], step["refusals"] = 0, 0, 0
+        step["stopped"], step["certified"], step["intervened"] = False, True, False
+        step["in_set"], step["fallback"], step["surprised"] = True, False, False
+
+
+@inline_kernel
+def count_row(i, desired, answers, step):
+    """Add what was answered to row i."""
+    fact = answers.facts[i]
+    write3(step["snap_desired"], vector(desired[i]))
+    write3(step["snap_applied"], vector(answers.safe[i]))
+    if fact["correction"] > step["correction"]:
+        step["correction"], step["obstacle"] = fact["correction"], int(fact["obstacle"])
+    step["value"] = min(step["value"], fact["value"])
+    step["reserve"] = max(step["reserve"], fact["reserve"])
+    step["interventions"] += 1 if fact["intervened"] != 0.0 else 0
+    step["fallbacks"] += 1 if fact["fallback"] != 0.0 else 0
+    step["refusals"] += 1 if fact["refused"] != 0.0 else 0
+    step["stopped"] = step["stopped"] or fact["stopped"] != 0.0
+    step["certified"] = step["certified"] and fact["certified"] != 0.0
+    step["intervened"] = step["intervened"] or fact["intervened"] != 0.0
+    step["in_set"] = step["in_set"] and fact["value"] >= -ROUNDING
+    step["fallback"] = step["fallback"] or fact["fallback"] != 0.0
 
 
 @kernel
-def count_batch(flat, desired, answer, is_first, snaps, numbers, counts, flags, last, line, known, off, most):
-    """Add one control period; ``answer`` holds what a ``Filtered`` has. A row that was surprised, or −1."""
+def count_batch(flat, desired, answer, is_first, steps, watches, line):
+    """Add one control period to every row; a row that was surprised, or −1.
+
+    Args:
+        flat: (N, 4, 3) what was measured, SI.
+        desired: (N, 3) desired snaps, m/s⁴.
+        answer: the numbers of a ``Filtered``.
+        is_first: whether the policy step begins.
+        steps: (N,) ``STEP``.
+        watches: (N,) ``WATCH``.
+        line: (N, d + 1, 3) answers that are on their way, see ``watch_row``.
+    """
     if is_first:
-        open_batch(snaps, numbers, counts, flags)
-    n, surprised = numbers.shape[1], -1
-    snap, facts = carved(answer, 0, FLOATS, (n, 3)), carved(answer, 24 * n, FLOATS, (n, FACTS))
+        open_batch(steps)
+    n, surprised = steps.shape[0], -1
+    answers = answers_in(answer, n)
     for i in range(n):
-        for axis in range(3):
-            snaps[0, i, axis], snaps[1, i, axis] = desired[i, axis], snap[i, axis]
-        if facts[i, CORRECTION] > numbers[0, i]:
-            numbers[0, i], counts[0, i] = facts[i, CORRECTION], facts[i, OBSTACLE]
-        numbers[1, i] = min(numbers[1, i], facts[i, VALUE])
-        numbers[2, i] = max(numbers[2, i], facts[i, RESERVE])
-        counts[1, i] += facts[i, INTERVENED] != 0.0
-        counts[2, i] += facts[i, IS_FALLBACK] != 0.0
-        counts[3, i] += facts[i, IS_REFUSED] != 0.0
-        flags[0, i] |= facts[i, IS_STOPPED] != 0.0
-        flags[1, i] &= facts[i, IS_CERTIFIED] != 0.0
-        flags[2, i] |= facts[i, INTERVENED] != 0.0
-        flags[3, i] &= facts[i, VALUE] >= -ROUNDING
-        flags[4, i] |= facts[i, IS_FALLBACK] != 0.0
-        if watch_row(i, flat, snap, last, line, known, off, most):
-            flags[5, i], surprised = True, i
+        count_row(i, desired, answers, steps[i])
+        if watch_row(i, flat, answers.safe, watches[i], line):
+            steps[i]["surprised"], surprised = True, i
     return surprised
 
 
 def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
     """What is flown where a shield has no answer: every row brakes, nothing is claimed, ``value`` is −inf."""
     n = len(flat)
-    gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros((3 + FACTS) * n)
+    gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros(NUMBERS * n)
     answer = Filtered(numbers, (n,))
     measured = np.where(np.abs(flat[:, 1:]) < LARGEST, flat[:, 1:], np.nan)
     snaps = -np.einsum("o,noi->ni", gains, measured)
     answer.snap[:] = np.where(np.isfinite(snaps), snaps, 0.0)
     facts = answer.facts
-    facts[:, CORRECTION] = np.linalg.norm(np.where(np.isfinite(snap), answer.snap - snap, 0.0), axis=1)
-    facts[:, VALUE], facts[:, OBSTACLE], facts[:, IS_FALLBACK] = -np.inf, -1.0, 1.0
-    facts[:, INTERVENED] = (answer.snap != snap).any(axis=1)
+    facts["correction"] = np.linalg.norm(np.where(np.isfinite(snap), answer.snap - snap, 0.0), axis=1)
+    facts["value"], facts["obstacle"], facts["fallback"] = -np.inf, -1.0, 1.0
+    facts["intervened"] = (answer.snap != snap).any(axis=1)
     return answer
 
 
@@ -105,13 +122,13 @@ class Recorder:
     Its first call may raise: then something is wrong with how it was set up.
     """
 
-    def __init__(self, shield: Shield, rows: int):
+    def __init__(self, shield: RecordedShield, rows: int):
         self.shield, self._periods, self._has_answered = shield, 0, False
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
-        self._snaps, self._numbers = np.empty((2, rows, 3)), np.empty((3, rows))
-        self._counts, self._flags = np.empty((4, rows), dtype=np.int64), np.empty((6, rows), dtype=np.bool_)
-        self._watch, self._was_surprised = watch_of(rows, shield.delay), False
+        self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
+        self._line, self._was_surprised = np.zeros((rows, shield.delay + 1, 3)), False
+        self._period = np.nan
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -124,10 +141,14 @@ class Recorder:
             self._has_answered = True
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, center, radius, snap, period)
-        if period != self._watch.most[4]:
-            self._watch.most[:] = self.shield.expectation(period)
-        record = (self._snaps, self._numbers, self._counts, self._flags)
-        surprised = count_batch(flat, snap, answer.numbers, self._periods == 0, *record, *self._watch)
+        if period != self._period:
+            self._watches["most"], self._watches["period"] = (
+                expectation_of(self.shield.settings, period),
+                period,
+            )
+            self._period = period
+        is_first = self._periods == 0
+        surprised = count_batch(flat, snap, answer.numbers, is_first, self._steps, self._watches, self._line)
         if surprised >= 0 and not self._was_surprised:
             self._say_surprise(surprised)
         self._periods += 1
@@ -135,7 +156,7 @@ class Recorder:
 
     def _say_surprise(self, row: int) -> None:
         self._was_surprised = True
-        off, most = (np.array2string(x, precision=3) for x in (self._watch.off[row], self._watch.most[:4]))
+        off, most = (np.array2string(self._watches[name][row], precision=3) for name in ("off", "most"))
         warnings.warn(SENTENCE.format(row=row, off=off, declared=most), RuntimeWarning, stacklevel=3)
 
     def _answer_in_spite_of(self, error: Exception, flat, center, radius, snap, period: float) -> Filtered:
@@ -166,21 +187,21 @@ class Recorder:
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
-        self._is_named[rows], self._watch.known[rows], self._watch.line[rows] = False, 0, 0.0
+        self._is_named[rows], self._watches["known"][rows], self._line[rows] = False, 0, 0.0
         self.shield.reset(mask)
         if self._periods == 0:
-            begun = np.zeros(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun
+            begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun
             self._begun = begun | (True if mask is None else mask)
 
     def begun(self) -> NDArray[np.bool_]:
         """Rows that began an episode and have not flown since, (N,); all where no reset said which."""
-        return np.ones(self._flags.shape[1], dtype=np.bool_) if self._begun is None else self._begun.copy()
+        return np.ones(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun.copy()
 
     @property
     def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
         self._open_where_nothing_flew()
-        return self._flags[FLAGS.index("intervened")].copy(), self._counts[COUNTS.index("obstacle")].copy()
+        return self._steps["intervened"].copy(), self._steps["obstacle"].copy()
 
     @property
     def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
@@ -189,38 +210,30 @@ class Recorder:
 
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         instead = self.shield.backup(mask)
-        self._snaps[SNAPS.index("snap_applied"), mask] = instead[mask]
-        self._watch.line[mask, -1] = instead[mask]
-        self._flags[FLAGS.index("stopped")] |= mask
+        self._steps["snap_applied"][mask] = instead[mask]
+        self._line[mask, -1] = instead[mask]
+        self._steps["stopped"] |= mask
         return instead
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
         self._open_where_nothing_flew()
-        return self._counts[COUNTS.index("interventions")] / max(self._periods, 1)
+        return self._steps["interventions"] / max(self._periods, 1)
 
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
         self._open_where_nothing_flew()
-        snaps, numbers = self._snaps.copy(), self._numbers.copy()
-        counts, flags = self._counts.copy(), self._flags.copy()
-        values = dict(zip(KEYS, (*snaps, *numbers, *counts, *flags), strict=True))
-        return values | dict.fromkeys(MASKS, mask)
+        return {key: self._steps[key].copy() for key in KEYS} | dict.fromkeys(MASKS, mask)
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""
         self._open_where_nothing_flew()
-        desired, applied = self._snaps[:, 0].copy()
-        numbers, counts = self._numbers.reshape(-1).tolist(), self._counts.reshape(-1).tolist()
-        flags = self._flags.reshape(-1).tolist()
-        return dict(zip(KEYS, (desired, applied, *numbers, *counts, *flags), strict=True))
+        return dict(zip(KEYS, self._steps.copy()[0].item(), strict=True))
 
     def _open_where_nothing_flew(self) -> None:
-        record = (self._snaps, self._numbers, self._counts, self._flags)
         if self._periods == 0:
-            open_batch(*record)
+            open_batch(self._steps)
         elif self._begun is not None:
-            opened = [np.empty_like(part) for part in record]
-            open_batch(*opened)
-            for part, new in zip(record, opened, strict=True):
-                part[:, self._begun] = new[:, self._begun]
+            opened = np.empty_like(self._steps)
+            open_batch(opened)
+            self._steps[self._begun] = opened[self._begun]

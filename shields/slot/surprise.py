@@ -9,15 +9,19 @@ by at most
 and where it is off by more, an assumption of the proof has failed: jitter, a lag, a push, a wrong model.
 """
 
-from typing import NamedTuple
+import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple, vector, write3
-from shields.backup.arcs import Flat, flown
-from shields.settings.uncertainty import Uncertainty, chain_over, predicted_error
+from shields.chains.flat_state import flat_of, flown, write_flat
+from shields.interface.row_checks import flat_of_row
+from shields.methods.flight_bounds import bounds_of
+from shields.settings.uncertainty import Uncertainty, chain_over, checked_uncertainty, predicted_error
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).
 MEASURED_SNAP = 15.0
@@ -29,38 +33,20 @@ SENTENCE = (
 )
 
 
-class Watch(NamedTuple):
-    """What is remembered of N rows to compare with what comes.
-
-    | field    | shape       | meaning                                                        |
-    |----------|-------------|----------------------------------------------------------------|
-    | last     | (N, 4, 3)   | the flat state of the last sample                              |
-    | line     | (N, d+1, 3) | the answers that are on their way; the first is flown now      |
-    | known    | (N,)        | samples since the row was reset                                |
-    | off      | (N, 4)      | how far the last sample was off in r, v, a, j                  |
-    | most     | (5,)        | how far it may be, and the period                              |
-    """
-
-    last: NDArray[np.float64]
-    line: NDArray[np.float64]
-    known: NDArray[np.int64]
-    off: NDArray[np.float64]
-    most: NDArray[np.float64]
-
-
-def watch_of(rows: int, delay: int) -> Watch:
-    """Memory for a number of rows and a delay in periods."""
-    return Watch(
-        np.zeros((rows, 4, 3)),
-        np.zeros((rows, delay + 1, 3)),
-        np.zeros(rows, dtype=np.int64),
-        np.zeros((rows, 4)),
-        np.zeros(5),
-    )
+# What is remembered of a row to compare with what comes.
+WATCH = np.dtype(
+    [
+        ("last", "f8", (4, 3)),  # flat state of the last sample, SI
+        ("off", "f8", (4,)),  # how far the last sample was off in r, v, a, j, SI
+        ("most", "f8", (4,)),  # how far it may be, SI
+        ("period", "f8"),  # s
+        ("known", "i8"),  # samples since the row was reset
+    ]
+)
 
 
 def expectation(declared: Uncertainty | None, period: float, snap_max: float) -> NDArray[np.float64]:
-    """(5,) how far a sample may be off the prediction in r, v, a and j, and the period.
+    """(4,) how far a sample may be off the prediction in r, v, a and j, SI.
 
     Args:
         declared: the errors, None for none.
@@ -69,24 +55,36 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
     """
     told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
     error, added = predicted_error(told, period, snap_max)
-    most = (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
-    return np.append(most, period)
+    return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+
+
+def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:
+    """(4,) ``expectation`` of a shield of these settings."""
+    limits = bounds_of(settings).limits
+    longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
+    return expectation(checked_uncertainty(settings["uncertainty"]), period, longest)
 
 
 @inline_kernel
-def watch_row(i, flat, answer, last, line, known, off, most):
-    """Compare row i with its prediction, remember it; whether it was off by more than it may be."""
-    x, is_off = Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3)), False
-    if known[i] > 0:
-        was = Flat(triple(last, i, 0), triple(last, i, 1), triple(last, i, 2), triple(last, i, 3))
-        p = flown(was, triple(line, i, 0), most[4])
+def watch_row(i, flat, answer, watch, line):
+    """Compare row i with its prediction, remember it; whether it was off by more than it may be.
+
+    Args:
+        i: the row.
+        flat: (N, 4, 3) flat states that came, SI.
+        answer: (N, 3) snaps, m/s⁴, that are sent on their way.
+        watch: ``WATCH`` of the row.
+        line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now.
+    """
+    x, is_off = flat_of_row(i, flat), False
+    if watch["known"] > 0:
+        p = flown(flat_of(watch["last"]), triple(line, i, 0), watch["period"])
         for order in range(4):
-            off[i, order] = norm(subtract(x[order], p[order]))
-            is_off |= not off[i, order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
-    for order in range(4):
-        write3(last[i, order], x[order])
+            watch["off"][order] = norm(subtract(x[order], p[order]))
+            is_off |= not watch["off"][order] <= watch["most"][order] + ROUNDING * (1.0 + norm(p[order]))
+    write_flat(watch["last"], x)
     for place in range(line.shape[1] - 1):
         write3(line[i, place], triple(line, i, place + 1))
     write3(line[i, line.shape[1] - 1], vector(answer[i]))
-    known[i] += 1
+    watch["known"] += 1
     return is_off

@@ -13,9 +13,9 @@ from quadsafe_core.maths.feedback import held_gains
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_state
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking_arcs import BrakingBounds
-from shields.filters.braking_held import rising_periods
+from shields.filters.braking_backup import rising_periods
 from shields.filters.held_rest import Box, climbing_periods
-from shields.methods.tube_shield import tubed_places
+from shields.methods.memory import sampled_memory, tube_memory
 from shields.slot.recorder import Recorder
 
 NAME = "QuadSafe/Avoid-v0"
@@ -385,8 +385,7 @@ def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted
     wrong[1, 0] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
         braked = recorder.filter(wrong, center, radius, np.full((2, 3), 7.0), 0.02)
-    *_, at, end, _ = (int(place) for place in tubed_places(2, 1, 2))
-    pending = shield.snapshot()["memory"][at:end].view(float).reshape(2, 2, 3)
+    pending = tube_memory(sampled_memory(shield.snapshot()["memory"], 2, 1)[1], 2, 1, 2).pending
     np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
 

@@ -375,12 +375,12 @@ def test_one_filtered_row():
 
 @pytest.mark.interpreted
 def test_unchecked_arguments_start_no_compilation():
-    from shields.methods import sampled_shield as joint
+    from shields.methods.sampled_shield import sampled_one
 
     flat, center, radius, snap = (x[0] for x in rows(1))
     shield = Shield()
     expected = shield.filter(flat, center, radius, snap, PERIOD)
-    compiled = len(getattr(joint.joint_one, "signatures", ()))
+    compiled = len(getattr(sampled_one, "signatures", ()))
     kinds = (
         [x.astype(np.float32) for x in (flat, center, radius, snap)],
         [x.tolist() for x in (flat, center, radius, snap)],
@@ -396,7 +396,7 @@ def test_unchecked_arguments_start_no_compilation():
     shield.reset()
     assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
     assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
-    assert len(getattr(joint.joint_one, "signatures", ())) == compiled
+    assert len(getattr(sampled_one, "signatures", ())) == compiled
     with pytest.raises(ValueError, match=r"must have shape \(…, 4, 3\)"):
         shield.filter(flat[:3], center, radius, snap, PERIOD)
 

@@ -12,8 +12,8 @@ import quadsafe_core.kernels
 ROOMS = ("quadsafe_core", "quadsafe_env", "shields", "agents", "benchmarks", "examples")
 FENCED = ROOT / "quadsafe_core/kernels"
 PRIVATE = re.compile(r"numba\.(core|np|misc|cpython|typed|experimental)\b|llvmlite\b")
-# Documented for those who extend numba, but bound to its compiler all the same.
-EXTENDING = re.compile(r"numba\.extending\b")
+# Documented for those who extend numba, but bound to its compiler all the same; ``register_jitable`` is not.
+EXTENDING = re.compile(r"numba\.extending\.(?!register_jitable$)")
 # The modules of the room that may use either.
 PRIVATE_HERE, EXTENDING_HERE = {"jit.py", "lanes.py"}, {"borrow.py", "choice.py", "lanes.py"}
 

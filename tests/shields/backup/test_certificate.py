@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from quadsafe_core.kernels.vec3 import combined
 from quadsafe_core.maths.feedback import held_gains
-from shields.backup.arcs import CLEAR, HIT, Flat, Spheres, ThrustBand, flat_of, flown
+from shields.backup.arcs import CLEAR, HIT
 from shields.backup.certificate import (
     ACCEPTED,
     ASTRAY,
@@ -19,18 +19,17 @@ from shields.backup.certificate import (
     STOPPED,
     UNCERTIFIED,
     Distances,
-    FlightLimits,
     accept,
     accept_at_once,
     adopt_stop,
+    as_one_row,
     certified_snap,
     clear_length,
     length_clear_at_once,
     look_at_stored_stop,
-    one_vehicle,
     stop_is_clear,
 )
-from shields.backup.stop_hull import is_clear_at_once
+from shields.backup.stop_hull import Attempt, is_clear_at_once
 from shields.backup.stored_stop import (
     LENGTHS,
     PLAN,
@@ -41,10 +40,13 @@ from shields.backup.stored_stop import (
     reference,
     write_stop,
 )
+from shields.chains.flat_state import Flat, flat_of, flown
+from shields.interface.records import Flight, FlightLimits, MovingSpheres, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
 GAINS = tuple(held_gains(4, 30.0, PERIOD).tolist())
+FLIGHT = Flight(PERIOD, LIMITS, GAINS)
 WORLD = (0.0, 0.0, 0.0)
 FRAMES = [WORLD, (0.7, -0.3, 0.2)]
 SEEDS = st.integers(0, 2**32 - 1)
@@ -73,7 +75,7 @@ def empty_plan():
 def spheres_of(*rows):
     """Spheres from (center, velocity, distance to keep)."""
     centers, velocities, keep_out = zip(*rows, strict=True)
-    return Spheres(np.array(centers, float), np.array(velocities, float), np.array(keep_out, float))
+    return MovingSpheres(np.array(centers, float), np.array(velocities, float), np.array(keep_out, float))
 
 
 def same(spheres):
@@ -230,7 +232,7 @@ def test_most_slow_flights_in_the_open_are_accepted():
 @pytest.mark.interpreted
 def test_an_accepted_snap_comes_back_with_its_stop():
     plan, wanted = empty_plan(), (3.0, 4.0, 0.0)
-    answer = certified_snap(plan, at(0, 0, 0), wanted, True, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
+    answer = certified_snap(plan, at(0, 0, 0), wanted, True, same(FAR_AWAY), FLIGHT)
     assert answer == (wanted, ACCEPTED)
     np.testing.assert_array_equal(plan["begin"], flown(at(0, 0, 0), wanted, PERIOD))
 
@@ -241,9 +243,9 @@ def test_a_refused_snap_is_replaced_by_the_stored_stop():
     write_stop(plan, x, WORLD, 4, PERIOD)
     stored = three(plan["snap"])
     for wanted, is_wanted in (((1e7, 0.0, 0.0), True), ((0.0, 0.0, 0.0), False)):
-        answer = certified_snap(plan.copy(), x, wanted, is_wanted, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
+        answer = certified_snap(plan.copy(), x, wanted, is_wanted, same(FAR_AWAY), FLIGHT)
         assert answer == (stored, STOPPED)
-    certified_snap(plan, x, (1e7, 0.0, 0.0), True, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
+    certified_snap(plan, x, (1e7, 0.0, 0.0), True, same(FAR_AWAY), FLIGHT)
     assert reference(plan, PERIOD) == flown(x, stored, PERIOD)
     assert plan["periods_left"] == plan["periods"] - 1
 
@@ -253,7 +255,7 @@ def test_a_part_of_a_refused_snap_is_flown_if_that_can_be_certified():
     x = at(0, 0, 0)
     for size in np.geomspace(100.0, 1e6, 60):
         plan, wanted = empty_plan(), (float(size), 0.0, 0.0)
-        snap, kind = certified_snap(plan, x, wanted, True, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
+        snap, kind = certified_snap(plan, x, wanted, True, same(FAR_AWAY), FLIGHT)
         if kind == BLENDED:
             break
     # At rest the stop is to do nothing.
@@ -266,7 +268,7 @@ def test_a_part_of_a_refused_snap_is_flown_if_that_can_be_certified():
 @pytest.mark.interpreted
 def test_without_any_stop_there_is_no_certificate():
     plan, inside = empty_plan(), spheres_of((WORLD, WORLD, 0.5))
-    answer = certified_snap(plan, at(0.1, 0, 0), (1.0, 0.0, 0.0), True, PERIOD, same(inside), LIMITS, GAINS)
+    answer = certified_snap(plan, at(0.1, 0, 0), (1.0, 0.0, 0.0), True, same(inside), FLIGHT)
     assert answer == (WORLD, UNCERTIFIED)
     assert not plan["is_stored"]
 
@@ -288,7 +290,7 @@ def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
     # No new stop begins this near, and the stored one is clear of the sphere but not by as much as it should.
-    answer = certified_snap(plan, x, WORLD, False, PERIOD, distances(0.7, 0.61, 0.59), LIMITS, GAINS)
+    answer = certified_snap(plan, x, WORLD, False, distances(0.7, 0.61, 0.59), FLIGHT)
     assert answer == (expected, ASTRAY)
 
 
@@ -296,14 +298,14 @@ def test_a_stop_the_vehicle_strayed_from_is_flown_without_a_certificate():
 def test_a_stop_that_is_clear_of_the_spheres_of_now_is_flown():
     plan, x = strayed()
     expected = tracking_snap(plan, x, PERIOD, GAINS)
-    answer = certified_snap(plan, x, WORLD, False, PERIOD, distances(0.7, 0.59, 0.58), LIMITS, GAINS)
+    answer = certified_snap(plan, x, WORLD, False, distances(0.7, 0.59, 0.58), FLIGHT)
     assert answer == (expected, STOPPED)
 
 
 @pytest.mark.interpreted
 def test_a_stop_that_hits_a_sphere_of_now_or_cannot_be_reached_is_forgotten():
     for plan, x, bare in ((*strayed(), 0.65), (strayed()[0], at(0.9, 0, 0), 0.59)):
-        answer = certified_snap(plan, x, WORLD, False, PERIOD, distances(1.0, bare, bare), LIMITS, GAINS)
+        answer = certified_snap(plan, x, WORLD, False, distances(1.0, bare, bare), FLIGHT)
         assert answer == (WORLD, UNCERTIFIED)
         assert not plan["is_stored"]
 
@@ -316,7 +318,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
         x, plan = some_state(rng), empty_plan()
         spheres = spheres_of((rng.normal(size=3) * 2, frame, rng.uniform(0.2, 1.0)))
         if adopt_stop(plan, x, 0.0, PERIOD, spheres, LIMITS):
-            slack = Spheres(spheres.center, spheres.velocity, spheres.keep_out * (1 - 1e-9))
+            slack = MovingSpheres(spheres.center, spheres.velocity, spheres.keep_out * (1 - 1e-9))
             while plan["segments_left"] > 0:
                 assert look_at_stored_stop(plan, PERIOD, slack) == CLEAR
                 advance_stop(plan, PERIOD)
@@ -329,7 +331,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
 @pytest.mark.interpreted
 def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
-    snap, kind = certified_snap(plan, x, WORLD, False, PERIOD, same(FAR_AWAY), LIMITS, GAINS)
+    snap, kind = certified_snap(plan, x, WORLD, False, same(FAR_AWAY), FLIGHT)
     assert kind == STOPPED
     h = int(plan["periods"]) * PERIOD
     assert snap == dead_beat_snap(x, WORLD, h)
@@ -369,11 +371,11 @@ def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
         copied = plan.copy()
         sphere = same(spheres_of(((state.r[0] + 0.5 + gap, *state.r[1:]), WORLD, 0.5)))
         blocked = Distances(same(spheres_of((x.r, WORLD, 50.0))).ahead, sphere.stored, sphere.bare)
-        assert certified_snap(copied, x, WORLD, False, PERIOD, blocked, LIMITS, GAINS)[1] == kind
+        assert certified_snap(copied, x, WORLD, False, blocked, FLIGHT)[1] == kind
     # Nearer to the sphere than the distance that the stop should keep, but not in it: flown, without a claim.
     sphere = ((state.r[0] + 0.55, *state.r[1:]), WORLD)
     unsure = Distances(*(spheres_of((*sphere, keep)) for keep in (50.0, 0.6, 0.54)))
-    snap, kind = certified_snap(plan.copy(), x, WORLD, False, PERIOD, unsure, LIMITS, GAINS)
+    snap, kind = certified_snap(plan.copy(), x, WORLD, False, unsure, FLIGHT)
     assert kind == ASTRAY and snap == tracking_snap(plan, x, PERIOD, GAINS)
 
 
@@ -406,18 +408,14 @@ def test_the_quick_length_is_the_one_asked_for_or_else_the_shortest_that_is_clea
     for _ in range(60):
         x, spheres, first = some_state(rng), crowd(rng, 1.0), int(rng.integers(len(LENGTHS)))
         snap = three(rng.normal(size=3) * 20)
-        after, rows = flown(x, snap, PERIOD), one_vehicle(spheres)
+        attempt, rows = Attempt(x, snap, flown(x, snap, PERIOD), PERIOD), as_one_row(spheres)
         lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
-        clear = [
-            k
-            for k, h in enumerate(lengths)
-            if is_clear_at_once(0, x, snap, after, h, PERIOD, *rows, 1.0, LIMITS)
-        ]
+        clear = [k for k, h in enumerate(lengths) if is_clear_at_once(0, attempt, h, rows, 1.0, LIMITS)]
         expected = first if first in clear else min(clear, default=-1)
-        assert length_clear_at_once(first, x, snap, after, PERIOD, spheres, LIMITS) == expected
+        assert length_clear_at_once(first, attempt, spheres, LIMITS) == expected
         plan = empty_plan()
         plan["choice"] = first
-        assert accept_at_once(0, plan, x, snap, PERIOD, *rows, 1.0, LIMITS) == (first in clear)
+        assert accept_at_once(0, plan, x, snap, rows, 1.0, FLIGHT) == (first in clear)
         assert plan["is_stored"] == (first in clear)
         seen.add((expected == first, expected < 0))
     assert len(seen) == 3
@@ -428,9 +426,8 @@ def test_a_snap_of_the_greatest_length_is_accepted_and_no_longer_one():
     for size, expected in ((5.0, True), (5.0 - 1e-9, False)):
         limits = LIMITS._replace(snap_max=size)
         assert accept(empty_plan(), at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, FAR_AWAY, limits) == expected
-        rows = one_vehicle(FAR_AWAY)
-        plan = empty_plan()
-        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, *rows, 1.0, limits) == expected
+        rows, flight, plan = as_one_row(FAR_AWAY), FLIGHT._replace(limits=limits), empty_plan()
+        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), rows, 1.0, flight) == expected
 
 
 @pytest.mark.interpreted
@@ -439,7 +436,7 @@ def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
     x = flat_state([(-0.6, 1.2, 1.1), (0.5, -0.3, 0.4), (-0.5, -1.4, -1.8), (0.5, 2.8, 4.1)])
     spheres, snap = spheres_of(((-0.7, 0.8, 0.8), WORLD, 0.5)), (0.0, 0.0, 20.0)
     after = flown(x, snap, PERIOD)
-    assert length_clear_at_once(0, x, snap, after, PERIOD, spheres, LIMITS) == -1
+    assert length_clear_at_once(0, Attempt(x, snap, after, PERIOD), spheres, LIMITS) == -1
     plan = empty_plan()
     assert accept(plan, x, snap, PERIOD, spheres, LIMITS)
     np.testing.assert_array_equal(plan["begin"], after)

@@ -10,9 +10,9 @@ import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.maths.feedback import held_gains
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
-from shields.backup.arcs import Flat, flown
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED, leaving_snap, length_of_way, nearest_exit
 from shields.backup.stored_stop import NOTHING
+from shields.chains.flat_state import Flat, flown
 
 AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
 SHIELDS = {"free": {}, "told": {"uncertainty": {"snap": 50.0}}, "authority": {"authority": AUTHORITY}}

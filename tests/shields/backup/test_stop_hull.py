@@ -7,14 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.backup.arcs import Flat, ThrustBand, acceleration_points, flown, position_points
-from shields.backup.certificate import FlightLimits
+from shields.backup.arcs import acceleration_points, position_points
 from shields.backup.stop_hull import (
     ACCELERATION,
     JERK,
     POSITION,
-    SEGMENTS,
     SNAP,
+    Attempt,
     is_clear_at_once,
     keeps_snap_and_jerk,
     keeps_thrust,
@@ -23,7 +22,9 @@ from shields.backup.stop_hull import (
     scaled,
     spheres_are_clear,
 )
-from shields.backup.stored_stop import NOTHING, dead_beat_snap
+from shields.backup.stored_stop import NOTHING, SEGMENTS, dead_beat_snap
+from shields.chains.flat_state import Flat, flown
+from shields.interface.records import FlightLimits, Obstacles, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.02
 SEEDS = st.integers(0, 2**32 - 1)
@@ -67,6 +68,11 @@ def test_the_weights_are_the_control_points_of_the_dead_beat_stop(h):
             np.testing.assert_allclose(np.array(x.j) * h**3, JERK[segment] @ scaled, rtol=1e-9, atol=1e-9)
 
 
+def held(x, snap, period=PERIOD):
+    """The snap held for a period."""
+    return Attempt(x, snap, flown(x, snap, period), period)
+
+
 @pytest.mark.interpreted
 @settings(deadline=None, max_examples=200)
 @given(SEEDS, st.sampled_from([FREE, BOUND]), st.booleans())
@@ -79,7 +85,7 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     velocity = rng.normal(size=(2, 3)) * (0.8 if moving else 0.0)
     radius = rng.uniform(0.1, 1.0, 2)
     spheres = (center[None], velocity[None], radius[None])
-    if not is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits):
+    if not is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits):
         return
     # Rounding of the control points.
     later = np.concatenate([times, times[-1] + np.linspace(0.0, 20.0, 200)])
@@ -100,7 +106,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
     far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))
     for _ in range(200):
         x = state(rng, 0.3)
-        count += is_clear_at_once(0, x, NOTHING, flown(x, NOTHING, PERIOD), 0.4, PERIOD, *far, 1.0, FREE)
+        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Obstacles(*far), 1.0, FREE)
     assert count >= 190
 
 
@@ -108,7 +114,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
 def test_each_limit_alone_is_noticed():
     def clear(x, snap=NOTHING, h=0.4, limits=FREE, center=(30.0, 0.0, 0.0), velocity=NOTHING):
         spheres = (np.array([[center]]), np.array([[velocity]]), np.ones((1, 1)))
-        return is_clear_at_once(0, x, snap, flown(x, snap, PERIOD), h, PERIOD, *spheres, 1.0, limits)
+        return is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits)
 
     hover = Flat(NOTHING, NOTHING, NOTHING, NOTHING)
     fast = hover._replace(v=(1.0, 0.0, 0.0))
@@ -156,11 +162,9 @@ def test_a_plane_separates_up_to_the_nearest_control_point(period):
                 distances.append(n @ gap / np.linalg.norm(n))
             start += length
         nearest.add(int(np.argmin(distances)))
-        after, gap = flown(x, snap, period), tuple(np.array(x.r) - center)
+        attempt, gap = held(x, snap, period), tuple(np.array(x.r) - center)
         for keep, expected in ((min(distances) - 1e-9, True), (min(distances) + 1e-9, False)):
-            found = plane_separates(
-                tuple(n), keep, gap, tuple(velocity), x, snap, after, scaled(after, h), period
-            )
+            found = plane_separates(tuple(n), keep, gap, tuple(velocity), attempt, scaled(attempt.after, h))
             assert found == expected
     # in a long period each of its points is the nearest one now and then
     assert len(nearest) >= 6 and (period == PERIOD or {0, 1, 2, 3} <= nearest)
@@ -187,8 +191,8 @@ def test_snap_jerk_and_thrust_may_reach_their_limits_and_no_more():
                 ThrustBand(least - shift, math.inf, GRAVITY),
                 ThrustBand(-99.0, most + shift, GRAVITY),
             )
-            assert keeps_thrust(x, after, stop, PERIOD, floor) == expected
-            assert keeps_thrust(x, after, stop, PERIOD, ceiling) == expected
+            assert keeps_thrust(held(x, snap), stop, floor) == expected
+            assert keeps_thrust(held(x, snap), stop, ceiling) == expected
 
 
 @pytest.mark.interpreted
@@ -209,8 +213,8 @@ def test_any_sphere_of_the_row_and_no_other_row_can_be_in_the_way():
     center, radius = np.array([[far, far], [far, near]]), np.array([[1.0, 0.0], [1.0, 1.4]])
 
     def clear(i, share):
-        rows = (center, np.zeros((2, 2, 3)), radius, share)
-        return spheres_are_clear(i, hover, NOTHING, hover, scaled(hover, 0.4), PERIOD, *rows)
+        spheres = Obstacles(center, np.zeros((2, 2, 3)), radius)
+        return spheres_are_clear(i, held(hover, NOTHING), scaled(hover, 0.4), spheres, share)
 
     assert clear(0, 1.0) and clear(0, 8.9) and not clear(0, 9.1)
     assert clear(1, 1.0) and not clear(1, 1.1)

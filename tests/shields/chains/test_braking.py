@@ -8,15 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from linear_program import best_margin
 
-from shields.chains.braking import BrakingSet
-from shields.chains.braking_arcs import (
-    BrakingBounds,
-    braking4,
-    braking_phases,
-    least_of_arc,
-    peak_sensitivity,
-    size_of_terms,
-)
+from shields.chains.braking import BrakingSet, braking4, peak_sensitivity
+from shields.chains.braking_arcs import BrakingBounds, braking_phases, least_of_arc, size_of_terms
 from shields.chains.integrator import flow, lower_value
 
 inf = math.inf

@@ -9,16 +9,8 @@ from exact_minimum import dips_below, terms
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from shields.chains.integrator import (
-    flow,
-    lower1,
-    lower2,
-    lower3,
-    lower4,
-    lower5,
-    lower_value,
-    upper_value,
-)
+from shields.chains.integrator import flow, lower4, lower5, lower_value, upper_value
+from shields.chains.lower_bound import lower1, lower2, lower3
 
 LARGEST = 1.7976931348623157e308
 

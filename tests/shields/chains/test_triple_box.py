@@ -11,7 +11,8 @@ from linear_program import best_margin
 
 from shields.chains.capped_third_order import capped3, least_corner_x2
 from shields.chains.composite import BoxSet, LowerSet
-from shields.chains.integrator import flow, lower2, lower3, lower_value, upper_value
+from shields.chains.integrator import flow, lower_value, upper_value
+from shields.chains.lower_bound import lower2, lower3
 
 UNIT = BoxSet([-1.0] * 3, [1.0] * 3, -1.0, 1.0)  # Fig. 3, left
 FLAT = BoxSet([-1.0] * 3, [0.2, 1.0, 1.0], -1.0, 1.0)  # Fig. 3, right

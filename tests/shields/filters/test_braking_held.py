@@ -8,15 +8,8 @@ import pytest
 from shields.chains.braking import BrakingSet
 from shields.chains.braking_arcs import least_of_arc, moved
 from shields.chains.integrator import flow
-from shields.filters.braking_held import (
-    can_brake,
-    held_rise,
-    held_value,
-    rising_periods,
-    run_of_backup,
-    sampled_braking_input,
-    sampled_braking_value,
-)
+from shields.filters.braking_backup import can_brake, held_rise, held_value, rising_periods, run_of_backup
+from shields.filters.braking_held import sampled_braking_input, sampled_braking_value
 from shields.filters.sampled import sampled_input, sampled_value
 
 inf = math.inf

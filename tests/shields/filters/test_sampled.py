@@ -7,20 +7,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shields.chains.integrator import lower4, lower_value
-from shields.chains.integrator import required_input as continuous_input
-from shields.filters.held import (
-    _lower_in_period,
-    _may_dip,
+from quadsafe_core.maths.held_input import (
     derivatives,
-    held_lower,
     lift_after,
+    lowest_in_period,
+    may_dip,
     polynomial,
     state_after,
     stays_above,
     weight,
 )
-from shields.filters.sampled import _is_above, _needed_later, _rise_at, required, sampled_input, sampled_value
+from shields.chains.integrator import lower4, lower_value
+from shields.chains.integrator import required_input as continuous_input
+from shields.chains.lower_bound import held_lower
+from shields.filters.sampled import (
+    Chain,
+    Held,
+    _is_above,
+    _needed_later,
+    _rise_at,
+    required,
+    sampled_input,
+    sampled_value,
+)
 
 U_MAX = 20.0
 BOUND = 1.0
@@ -217,9 +226,10 @@ def test_far_desired_inputs_have_one_answer(desired):
     rng = np.random.default_rng(60)
     x = states(rng, 4, rng.exponential(size=300))
     for period in PERIODS:
+        held = Held(U_MAX, 0.1, U_MAX, period)
         # the least admissible input of all, wherever the search starts
-        least = [required(4, tuple(row), U_MAX, BOUND, period, 0.1, -math.inf, U_MAX)[0] for row in x]
-        u = [required(4, tuple(row), U_MAX, BOUND, period, 0.1, desired, U_MAX)[0] for row in x]
+        least = [required(4, tuple(row), BOUND, -math.inf, held)[0] for row in x]
+        u = [required(4, tuple(row), BOUND, desired, held)[0] for row in x]
         w = 1e-13 / period**4
         np.testing.assert_allclose(u, np.maximum(least, desired), rtol=1e-9, atol=24 * w)
 
@@ -239,14 +249,14 @@ def test_kernels_agree_with_the_public_functions():
     x = (-3.0, 1.0, -2.0, 4.0)
     value, t_star = held_lower(4, x, -100.0, 0.02, U_MAX, BOUND)
     assert (value, t_star) == tuple(map(float, sampled_value(x, -100.0, 0.02, U_MAX, BOUND)))
-    u, value, is_inside = required(4, x, U_MAX, BOUND, 0.02, -math.expm1(-0.04), -1e5, 3 * U_MAX)
+    u, value, is_inside = required(4, x, BOUND, -1e5, Held(U_MAX, -math.expm1(-0.04), 3 * U_MAX, 0.02))
     expected, in_set = sampled_input(x, -1e5, 0.02, U_MAX, BOUND, 2.0)
     assert u == expected and is_inside == in_set and value == lower4(*x, U_MAX, BOUND)[0]
 
 
 @pytest.mark.interpreted
 def test_not_a_number_ends_at_the_largest_input():
-    u, _, _ = required(4, (0.0, 0.0, 0.0, 2.0), U_MAX, BOUND, 0.02, 0.1, math.nan, 3 * U_MAX)
+    u, _, _ = required(4, (0.0, 0.0, 0.0, 2.0), BOUND, math.nan, Held(U_MAX, 0.1, 3 * U_MAX, 0.02))
     assert u <= U_MAX
 
 
@@ -432,8 +442,8 @@ def test_what_later_times_need_is_the_bound_of_the_first_of_them_that_asks_for_m
                 break
             best = needed
         padded = (*(0.0,) * (4 - order), *x.tolist())
-        p = polynomial(derivatives(order, padded, U_MAX))
-        assert _needed_later(order, p, t, period, U_MAX, target) == pytest.approx(best, rel=1e-6, abs=1e-6)
+        chain = Chain(order, padded, polynomial(derivatives(order, padded, U_MAX)), U_MAX, period)
+        assert _needed_later(chain, t, target) == pytest.approx(best, rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.interpreted
@@ -462,7 +472,7 @@ def test_the_least_within_a_period_is_that_of_a_dense_search():
         period = float(rng.uniform(0.01, 3.0))
         t = np.linspace(0.0, period, 2001)
         path = y[4] + t * (y[3] + t * (y[2] / 2 + t * (y[1] / 6 + t * y[0] / 24)))
-        value, t_star = _lower_in_period(y, period)
+        value, t_star = lowest_in_period(y, period)
         inner = path[:-1].argmin()
         if 0 < inner < len(t) - 2:
             assert (
@@ -479,8 +489,9 @@ def test_the_least_within_a_period_is_that_of_a_dense_search():
 @pytest.mark.interpreted
 def test_the_rise_of_the_input_lifts_by_what_is_missing():
     p, period = polynomial(derivatives(2, (0.0, 0.0, -3.0, 1.0), 5.0)), 0.1
-    assert _rise_at(2, p, 0.4, period, 5.0, 0.0) == _rise_at(2, p, 0.4, period, 5.0, -1.0) == 0.0
-    lifted = _rise_at(2, p, 0.4, period, 5.0, 0.25) * weight(2, 0.4, period)
+    chain = Chain(2, (0.0, 0.0, -3.0, 1.0), p, 5.0, period)
+    assert _rise_at(chain, 0.4, 5.0, 0.0) == _rise_at(chain, 0.4, 5.0, -1.0) == 0.0
+    lifted = _rise_at(chain, 0.4, 5.0, 0.25) * weight(2, 0.4, period)
     assert lifted == pytest.approx(0.25, rel=1e-12) and lifted > 0.25
 
 
@@ -515,7 +526,7 @@ def test_no_dip_within_a_period_is_overlooked():
         y3, y2, y1 = b0, 3 * (b1 - b0) / period, 6 * (b2 - 2 * b1 + b0) / period**2
         y0 = 6 * (b3 - 3 * b2 + 3 * b1 - b0) / period**3
         if ((speed[:-1] < -1e-9 * size) & (speed[1:] > 1e-9 * size)).any():
-            assert _may_dip((y0, y1, y2, y3, 0.0), period)
+            assert may_dip((y0, y1, y2, y3, 0.0), period)
             dips += 1
-    assert not _may_dip((0.0, 0.0, 1.0, 1.0, 0.0), 1.0) and not _may_dip((0.0, 0.0, -1.0, -1.0, 0.0), 1.0)
+    assert not may_dip((0.0, 0.0, 1.0, 1.0, 0.0), 1.0) and not may_dip((0.0, 0.0, -1.0, -1.0, 0.0), 1.0)
     assert dips > 400

@@ -14,10 +14,10 @@ import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.authority import Authority, acceleration_along
 from quadsafe_core.maths.feedback import held_gains
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
-from shields.backup.arcs import Flat, flown
 from shields.chains.braking import BrakingSet
+from shields.chains.flat_state import Flat, flown
 from shields.filters.braking_held import sampled_braking_input
-from shields.interface.filtered import BRAKING_POLE
+from shields.interface.row_checks import BRAKING_POLE
 from shields.methods.authority_limits import limit_demand
 from shields.methods.flight_bounds import RESERVED
 from shields.methods.halfspace import Sampling, demand_along

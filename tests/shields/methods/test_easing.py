@@ -11,13 +11,13 @@ import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.maths.feedback import held_gains
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
-from shields.backup.arcs import Flat, flown
+from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_value
 from shields.methods.easing import (
     POLE,
+    Easing,
+    easing_at,
     easing_input,
-    easing_numbers,
-    easing_of,
     flat_output,
     is_in_cone,
     next_in_line,
@@ -29,8 +29,8 @@ AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max
 SHIELDS = {"free": {}, "told": {"uncertainty": {"snap": 50.0}}, "authority": {"authority": AUTHORITY}}
 
 
-def easing_at(period):
-    return easing_of(np.array(easing_numbers(period, MARGIN)), 0)
+def easing_of(period):
+    return easing_at(period, MARGIN)
 
 
 def after(x, u, t):
@@ -58,7 +58,7 @@ def state_of(z, easing, period):
 @pytest.mark.parametrize("rate", [10, 50, 100, 1000])
 def test_e1_each_row_follows_the_next_and_the_law_lets_the_last_decay(rate):
     period, rng = 1 / rate, np.random.default_rng(rate)
-    easing, decay = easing_at(period), math.exp(-POLE / rate)
+    easing, decay = easing_of(period), math.exp(-POLE / rate)
     assert easing.feedback == tuple(held_gains(4, POLE, period))
     for _ in range(50):
         x = tuple(rng.normal(size=4) * [1e2, 10.0, 1.0, 0.1])
@@ -76,7 +76,7 @@ def test_e1_each_row_follows_the_next_and_the_law_lets_the_last_decay(rate):
 @pytest.mark.parametrize("rate", [10, 50, 200])
 def test_in_the_cone_the_law_keeps_the_distance_between_samples_too(rate):
     period, rng, least = 1 / rate, np.random.default_rng(rate), math.inf
-    easing = easing_at(period)
+    easing = easing_of(period)
     for _ in range(100):
         x = state_of(rng.uniform(0.0, 50.0, 4) * rng.integers(0, 2, 4), easing, period)
         for _ in range(2 * rate):
@@ -90,7 +90,7 @@ def test_in_the_cone_the_law_keeps_the_distance_between_samples_too(rate):
 @pytest.mark.interpreted
 def test_outside_the_cone_the_law_would_not():
     period = 0.02
-    easing, x, least = easing_at(period), (0.0, 0.0, -0.5, 0.01), math.inf
+    easing, x, least = easing_of(period), (0.0, 0.0, -0.5, 0.01), math.inf
     assert not is_in_cone(x, 0.0, math.inf, easing, period)
     for _ in range(100):
         x = after(x, easing_input(x, easing), period)
@@ -101,7 +101,7 @@ def test_outside_the_cone_the_law_would_not():
 @pytest.mark.interpreted
 def test_at_the_border_the_set_is_kept_but_for_a_share_of_the_margin():
     period, rng, seen, distance = 0.02, np.random.default_rng(0), 0, 1.005
-    easing = easing_at(period)
+    easing = easing_of(period)
     sampling = Sampling(U_MAX, -math.expm1(-2.0 * period), 3 * U_MAX, period, None, easing)
     for _ in range(300):
         y = state_of(rng.uniform(-0.1, 1.0, 4) * U_MAX, easing, period)
@@ -119,7 +119,7 @@ def test_at_the_border_the_set_is_kept_but_for_a_share_of_the_margin():
 def test_in_flight_the_half_space_is_that_of_the_set():
     rng, period = np.random.default_rng(3), 0.02
     plain = Sampling(U_MAX, -math.expm1(-2.0 * period), 3 * U_MAX, period)
-    eased = plain._replace(easing=easing_at(period))
+    eased = plain._replace(easing=easing_of(period))
     for _ in range(200):
         x = Flat(*(tuple(row) for row in rng.normal(size=(4, 3)) * [[0.1], [1.0], [3.0], [10.0]]))
         x = x._replace(r=(rng.uniform(1.1, 3.0), 0.0, 0.0))
@@ -173,7 +173,7 @@ def test_a_steady_push_on_the_chain_ends_in_rest_at_the_border(rate, scene, name
 @pytest.mark.parametrize("rate", [50, 100])
 def test_without_the_easing_the_same_push_bounces_for_ever(rate, monkeypatch):
     monkeypatch.setattr(
-        "shields.methods.sampled_shield.easing_numbers", lambda *_: [math.inf, 0.0, 0.0, 0.0, 1.0, 1.0]
+        "shields.methods.memory.easing_at", lambda *_: Easing((math.inf, 0.0, 0.0, 0.0), 1.0, 1.0)
     )
     positions, snaps, _, _ = pushed({}, rate, "below", 2.0)
     # Between two rows of bounces it creeps up to the border for a second or two.

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from quadsafe_core.authority import Authority
-from shields.backup.arcs import Flat, flown
+from shields.chains.flat_state import Flat, flown
 from shields.chains.integrator import lower_value
 from shields.chains.radial import line_of_sight
 from shields.filters.sampled import sampled_input

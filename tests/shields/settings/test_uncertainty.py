@@ -11,8 +11,7 @@ from house import ROOT
 
 from quadsafe_core.authority import Authority
 from shields import Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
-from shields.backup.arcs import ThrustBand
-from shields.backup.certificate import FlightLimits
+from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.uncertainty import (
     MOST_TAKEN,
     chain_over,

@@ -1,7 +1,4 @@
-"""The chain of integrators under an input held for one period Δ and u_max ever after.
-
-    x_n(t) = [flow(x, u_max, t)]_n - (u_max - U) w(t)        w(t) = (tⁿ - max(t - Δ, 0)ⁿ) / n!
-    G(U) = min over t >= 0 of x_n(t) - bound
+"""A chain under an input that is held: its polynomials in time, and its least point within a period.
 
 Orders 1 to 4 share one form: a state is a 4-tuple with x_n last and zeros in front, and a held input is
 one more derivative.
@@ -9,7 +6,6 @@ one more derivative.
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.polynomials import cubic_roots, evaluate
-from shields.chains.integrator import lower1, lower2, lower3, lower4
 
 
 @inline_kernel
@@ -55,19 +51,7 @@ def lift_after(order, period):
 
 
 @kernel
-def lower(order, x, u_max):
-    """g_n above 0 and t_star."""
-    if order == 4:
-        return lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
-    if order == 3:
-        return lower3(x[1], x[2], x[3], u_max, 0.0)
-    if order == 2:
-        return lower2(x[2], x[3], u_max, 0.0)
-    return lower1(x[3], 0.0)
-
-
-@kernel
-def _may_dip(y, period):
+def may_dip(y, period):
     """Whether the Bernstein coefficients of dx_n/dt allow it to turn from negative to positive."""
     a, b, c = y[2] * period / 3.0, y[1] * period * period / 6.0, y[0] * period * period * period / 6.0
     first, second, third = y[3] + a, y[3] + 2.0 * a + b, y[3] + 3.0 * a + 3.0 * b + c
@@ -87,10 +71,10 @@ def stays_above(y, period, level):
 
 
 @kernel
-def _lower_in_period(y, period):
+def lowest_in_period(y, period):
     """Least x_n over the period but its end, and its time."""
     value, t_star = y[4], 0.0
-    if _may_dip(y, period):
+    if may_dip(y, period):
         p = polynomial(y)
         for t in cubic_roots(4.0 * p[0], 3.0 * p[1], 2.0 * p[2], p[3]):
             if 0.0 < t < period:
@@ -98,23 +82,6 @@ def _lower_in_period(y, period):
                 if at_t <= value:
                     value, t_star = at_t, t
     return value, t_star
-
-
-@kernel
-def lower_parts(order, x, u, period, u_max):
-    """Least x_n and its time, within the period and from its end on."""
-    y = derivatives(order, x, u)
-    dip, t_dip = _lower_in_period(y, period)
-    tail, t_tail = lower(order, state_after(y, period), u_max)
-    return dip, t_dip, tail, period + t_tail
-
-
-@kernel
-def held_lower(order, x, u, period, u_max, bound):
-    """G(u) and its minimiser; ``x`` has four entries, zeros before those of the chain."""
-    x = (x[0], x[1], x[2], x[3] - bound)
-    dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
-    return (tail, t_tail) if tail <= dip else (dip, t_dip)
 
 
 @inline_kernel

@@ -8,30 +8,34 @@ import pytest
 from quadsafe_core.authority import Authority
 from quadsafe_core.maths.feedback import held_gains
 from shields import Shield
-from shields.backup.arcs import Flat, ThrustBand, flown
-from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, FlightLimits, standing
+from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, standing
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
+from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_input
-from shields.interface.filtered import (
-    BRAKING_POLE,
-    FACTS,
-    IS_CERTIFIED,
-    IS_FALLBACK,
-    IS_REFUSED,
-    IS_STOPPED,
-    OBSTACLE,
-    RESERVE,
-    VALUE,
-    braking,
-)
+from shields.interface.filtered import FACTS
+from shields.interface.records import Demand, FlightLimits, MovingSpheres, Obstacles, ThrustBand
+from shields.interface.row_checks import BRAKING_POLE, braking, opened
 from shields.methods.authority_limits import limit_demand
 from shields.methods.easing import POLE
 from shields.methods.flight_bounds import RESERVED, bounds_of
-from shields.methods.halfspace import Demand, excess
+from shields.methods.halfspace import excess
+from shields.methods.memory import (
+    HALF_SPACE,
+    SETTINGS,
+    Width,
+    empty_memory,
+    kind_of,
+    sampled_memory,
+    sampled_size,
+    tube_memory,
+    tube_size,
+    write_settings,
+)
+from shields.methods.memory import settings_of as settings_in
 from shields.methods.nearest_snap import (
     LIMITS,
-    Width,
+    Row,
     choose_directions,
     cut_as_chosen,
     enter,
@@ -40,17 +44,8 @@ from shields.methods.nearest_snap import (
     note_demand,
     shortened,
 )
-from shields.methods.sampled_shield import (
-    SETTINGS,
-    TRACKING_POLE,
-    around,
-    backup_snap,
-    limits_at,
-    note_kind,
-    packed,
-    places,
-    unpacked,
-)
+from shields.methods.sampled_row import backup_snap, distances_to_keep, limits_at, note_kind
+from shields.methods.sampled_shield import TRACKING_POLE
 
 PERIOD, GRAVITY = 0.02, 9.81
 HOVER = Flat(*[(0.0, 0.0, 0.0)] * 4)
@@ -59,23 +54,30 @@ VEHICLE = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20
 
 def settings_of(**given):
     """The settings of a shield as its kernels see them."""
-    shield = Shield(**given)
+    shield, record = Shield(**given), np.zeros(1, dtype=SETTINGS)[0]
     bounds, gains = bounds_of(shield.settings), held_gains(4, TRACKING_POLE, PERIOD)
-    numbers, speed = packed(shield.settings, PERIOD, bounds, gains), given.get("max_closing_speed")
-    closing = None if speed is None else (-speed, -math.inf, -math.inf)
-    return unpacked(numbers, closing, bounds.authority, None)
+    write_settings(record, shield.settings, PERIOD, bounds, gains)
+    return settings_in(record, tuple(kind_of(shield.settings, bounds, has_tube=False)))
 
 
 def spheres_at(*rows):
-    """Spheres from (center, radius), at rest: centers, velocities, radii."""
+    """Spheres from (center, radius), at rest."""
     centers, radii = zip(*rows, strict=True)
-    return np.array(centers, float), np.zeros((len(rows), 3)), np.array(radii, float)
+    return MovingSpheres(np.array(centers, float), np.zeros((len(rows), 3)), np.array(radii, float))
 
 
-def open_facts(rows=()):
-    facts = np.zeros((*rows, FACTS))
-    facts[..., VALUE], facts[..., OBSTACLE] = math.inf, -1.0
-    return facts
+def open_fact():
+    fact = np.zeros(1, dtype=FACTS)[0]
+    opened(fact)
+    return fact
+
+
+def row_of(*chosen):
+    """What is remembered and told of a vehicle: half-spaces (x, y, z, least), no stop, nothing decided."""
+    spaces = np.zeros(len(chosen), dtype=HALF_SPACE)
+    for space, numbers in zip(spaces, chosen, strict=True):
+        space["n"], space["least"] = numbers[:3], numbers[3]
+    return Row(spaces, np.zeros(1, dtype=PLAN)[0], open_fact())
 
 
 @pytest.mark.interpreted
@@ -84,9 +86,9 @@ def test_free_settings_arrive_where_they_are_read():
     assert found.sampling[:5] == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
     left = pytest.approx(1.0 - math.exp(-POLE * PERIOD))
     assert found.sampling.easing == (tuple(held_gains(4, POLE, PERIOD)), left, pytest.approx(1.075 / 1.1))
-    assert found.limits == FlightLimits(math.inf, 200.0, math.inf, ThrustBand(2.0, math.inf, 9.0))
+    assert found.flight.limits == FlightLimits(math.inf, 200.0, math.inf, ThrustBand(2.0, math.inf, 9.0))
     assert (found.margin, found.closing, found.is_free) == (0.1, None, True)
-    assert found.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
+    assert found.flight.gains == tuple(held_gains(4, TRACKING_POLE, PERIOD))
     assert found.braking == tuple(held_gains(3, BRAKING_POLE, PERIOD))
     assert found.recovery == tuple(held_gains(3, RECOVERY_POLE, PERIOD))
     assert not settings_of(max_closing_speed=2.0).is_free
@@ -98,17 +100,21 @@ def test_an_authority_arrives_with_a_reserve_for_the_feedback():
     assert found.sampling[0] == kept.snap_max and found.sampling[2] == VEHICLE.snap_max
     assert found.sampling.authority == kept and not found.is_free
     band = ThrustBand(kept.thrust_min, kept.thrust_max, GRAVITY)
-    assert found.limits == FlightLimits(VEHICLE.snap_max, kept.snap_max, kept.jerk_max, band)
+    assert found.flight.limits == FlightLimits(VEHICLE.snap_max, kept.snap_max, kept.jerk_max, band)
 
 
 @pytest.mark.interpreted
-def test_parts_of_the_memory_follow_each_other_without_overlap():
-    half_spaces, velocities, stops, size = places(5, 3)
-    assert half_spaces >= 8 * SETTINGS
-    assert velocities - half_spaces >= 8 * 5 * 3 * 4
-    assert stops - velocities >= 8 * 5 * 3 * 3
-    assert size - stops == 5 * PLAN.itemsize
-    assert all(place % 8 == 0 for place in (half_spaces, velocities, stops))
+def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes():
+    n, k, delay = 5, 3, 2
+    memory = empty_memory(n, k, delay, sampled_size(n, k) + tube_size(n, k, delay))
+    assert not memory[24:].any()
+    held, rest = sampled_memory(memory, n, k)
+    assert held.settings[0][["rows", "obstacles", "delay"]].item() == (n, k, delay)
+    parts, begin = [*held, *tube_memory(rest, n, k, delay)], memory.ctypes.data
+    for part in parts:
+        assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
+        begin += part.nbytes
+    assert begin == memory.ctypes.data + memory.nbytes
 
 
 @pytest.mark.interpreted
@@ -117,7 +123,7 @@ def test_stops_keep_their_distance_but_where_the_vehicle_is_nearer():
     write_stop(plan, HOVER, (0.0, 0.0, 0.0), 0, PERIOD)
     x = HOVER._replace(r=(0.0, 0.01, 0.0))  # 1 cm off the stop
     spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
-    ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, None)
+    ahead, stored, bare = distances_to_keep(plan, x, spheres, settings_of(margin=0.1), None)
     # Half of the margin, or where the vehicle is; the radius and twice what it is off, wherever the stop is.
     assert ahead.keep_out == pytest.approx([1.05, 1.005, 0.0], abs=1e-11)
     assert stored.keep_out == pytest.approx([1.02, 1.02, 0.0], abs=2e-9)
@@ -142,8 +148,9 @@ def test_a_stop_that_counts_has_a_clear_tube_and_the_vehicle_in_it():
         side = rng.normal(size=3)
         center = np.array(ref.r) + rng.uniform(0.49, 0.55) * side / np.linalg.norm(side)
         spheres = spheres_at((center, 0.5))
-        kept = around(plan, x, spheres, 0.005, PERIOD, None)
-        if standing(plan, x, PERIOD, kept, settings.limits, settings.gains) != STOPPED:
+        kept = distances_to_keep(plan, x, spheres, settings, None)
+        flight = settings.flight
+        if standing(plan, x, PERIOD, kept, flight.limits, flight.gains) != STOPPED:
             refused += 1
             continue
         counting += 1
@@ -164,7 +171,9 @@ def test_in_a_tube_every_distance_is_kept_and_only_more_than_errors_counts_as_of
     x = HOVER._replace(r=(0.0, 0.05, 0.0))
     spheres = spheres_at(((3.0, 0.0, 0.0), 1.0), ((0.0, 1.015, 0.0), 1.0), ((9.0, 0.0, 0.0), 0.0))
     for estimate, off in ((0.06, 0.0), (0.02, 0.06)):
-        ahead, stored, bare = around(plan, x, spheres, 0.1, PERIOD, Width(0.01, estimate))
+        ahead, stored, bare = distances_to_keep(
+            plan, x, spheres, settings_of(margin=0.1), Width(0.01, estimate)
+        )
         assert ahead.keep_out == pytest.approx([1.05, 1.05, 0.0], abs=1e-12)
         assert stored.keep_out == pytest.approx([1.0 + off, 1.0 + off, 0.0], abs=2e-9)
         assert bare.keep_out == pytest.approx([0.99, 0.99, 0.0], abs=1e-12)
@@ -197,39 +206,36 @@ def test_what_a_flight_begins_outside_of_may_get_no_worse():
     ],
 )
 def test_what_was_flown_is_told(kind, is_outside, expected):
-    facts = open_facts()
-    note_kind(facts, kind, is_outside)
-    assert tuple(facts[[IS_REFUSED, IS_STOPPED, IS_CERTIFIED, IS_FALLBACK]]) == expected
+    fact = open_fact()
+    note_kind(fact, kind, is_outside)
+    assert fact[["refused", "stopped", "certified", "fallback"]].item() == expected
 
 
 @pytest.mark.interpreted
 def test_the_backup_brakes_and_pushes_off():
-    settings, last = settings_of(), np.zeros((1, 4))
+    settings, away = settings_of(), row_of((-1.0, 0.0, 0.0, -1e9))
     x, far = HOVER._replace(v=(1.0, 0.0, 0.0)), spheres_at(((9.0, 0.0, 0.0), 1.0))
-    last[0] = -1.0, 0.0, 0.0, -1e9
     brake = braking(x.v, x.a, x.j, settings.braking)
-    assert backup_snap(x, far, last, settings, open_facts()) == brake and brake[0] < 0.0
+    assert backup_snap(x, far, away, settings) == brake and brake[0] < 0.0
     # A sphere ahead asks for more than braking, and gets no more than that.
-    ahead, last[0] = spheres_at(((1.1, 0.0, 0.0), 1.0)), (-1.0, 0.0, 0.0, 0.0)
-    u, is_feasible = nearest_snap(x, brake, False, ahead, last, settings, open_facts())
+    ahead = spheres_at(((1.1, 0.0, 0.0), 1.0))
+    u, is_feasible = nearest_snap(x, brake, False, ahead, row_of((-1.0, 0.0, 0.0, 0.0)), settings)
     assert is_feasible and u[0] < brake[0]
-    assert backup_snap(x, ahead, last, settings, open_facts()) == u
+    assert backup_snap(x, ahead, row_of((-1.0, 0.0, 0.0, 0.0)), settings) == u
     # Between two spheres that come from both sides and ask for opposite things: off the one that asks more.
     both = spheres_at(((1.1, 0.0, 0.0), 1.0), ((-1.15, 0.0, 0.0), 1.0))
-    both[1][:, 0] = -4.0, 4.0
-    last = np.array([[-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
-    facts = open_facts()
-    u = backup_snap(HOVER, both, last, settings, facts)
-    assert u == tuple(600.0 * last[int(facts[OBSTACLE]), :3]) and facts[OBSTACLE] in (0.0, 1.0)
+    both.velocity[:, 0] = -4.0, 4.0
+    row = row_of((-1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    u = backup_snap(HOVER, both, row, settings)
+    assert u == tuple(600.0 * row.chosen[int(row.fact["obstacle"])]["n"]) and row.fact["obstacle"] in (0.0, 1.0)
     # In a sphere: out of it, whatever else is near.
     inside = spheres_at(((0.9, 0.0, 0.0), 1.0), ((-1.05, 0.0, 0.0), 1.0))
-    u = backup_snap(HOVER, inside, last, settings, facts)
-    assert facts[OBSTACLE] == 0.0 and np.linalg.norm(u) == pytest.approx(settings.recovery[0] * RECOVERY_SPEED)
+    u = backup_snap(HOVER, inside, row, settings)
+    assert row.fact["obstacle"] == 0.0
+    assert np.linalg.norm(u) == pytest.approx(settings.recovery[0] * RECOVERY_SPEED)
     # No longer than the authority's snap.
-    bound = settings_of(authority=VEHICLE)
-    u = backup_snap(
-        HOVER._replace(v=(500.0, 0.0, 0.0)), spheres_at(((9.0, 0.0, 0.0), 0.0)), last, bound, open_facts()
-    )
+    bound, absent = settings_of(authority=VEHICLE), spheres_at(((9.0, 0.0, 0.0), 0.0))
+    u = backup_snap(HOVER._replace(v=(500.0, 0.0, 0.0)), absent, away, bound)
     assert np.linalg.norm(u) <= VEHICLE.snap_max * (1.0 + 1e-12)
 
 
@@ -247,22 +253,22 @@ def test_a_half_space_enters_once_and_only_if_the_snap_is_outside():
 
 @pytest.mark.interpreted
 def test_the_largest_correction_names_the_sphere_and_the_largest_input_is_the_reserve():
-    facts, u = open_facts(), (0.0, 0.0, 5.0)
-    first = note_demand(Demand((1.0, 0.0, 0.0), 3.0, 0.0, True), u, 4, 0.0, facts)
-    second = note_demand(Demand((0.0, 0.0, 1.0), 7.0, 0.0, True), u, 6, first, facts)
+    fact, u = open_fact(), (0.0, 0.0, 5.0)
+    first = note_demand(Demand((1.0, 0.0, 0.0), 3.0, 0.0, True), u, 4, 0.0, fact)
+    second = note_demand(Demand((0.0, 0.0, 1.0), 7.0, 0.0, True), u, 6, first, fact)
     assert (first, second) == (3.0, 3.0)
-    assert facts[OBSTACLE] == 4.0 and facts[RESERVE] == 7.0
+    assert fact["obstacle"] == 4.0 and fact["reserve"] == 7.0
     # The first of equals.
-    assert note_demand(Demand((0.0, 1.0, 0.0), 3.0, 0.0, True), u, 9, second, facts) == 3.0
-    assert facts[OBSTACLE] == 4.0
+    assert note_demand(Demand((0.0, 1.0, 0.0), 3.0, 0.0, True), u, 9, second, fact) == 3.0
+    assert fact["obstacle"] == 4.0
 
 
 @pytest.mark.interpreted
 def test_chosen_half_spaces_enter_as_they_were_remembered():
-    last = np.array([[1.0, 0.0, 0.0, 2.0], [0.0, 1.0, 0.0, 9.0], [0.0, 0.0, 1.0, -1.0]])
-    spaces, facts = no_half_spaces(3), open_facts()
-    found = cut_as_chosen((0.0, 0.0, 0.0), np.array([1.0, 0.0, 1.0]), last, spaces, facts)
-    assert found == (True, 2.0) and facts[OBSTACLE] == 0.0
+    row = row_of((1.0, 0.0, 0.0, 2.0), (0.0, 1.0, 0.0, 9.0), (0.0, 0.0, 1.0, -1.0))
+    spaces = no_half_spaces(3)
+    found = cut_as_chosen((0.0, 0.0, 0.0), np.array([1.0, 0.0, 1.0]), row, spaces)
+    assert found == (True, 2.0) and row.fact["obstacle"] == 0.0
     # The second sphere is absent, the third asks for nothing.
     assert spaces.offsets[:3].tolist() == [2.0, -math.inf, -math.inf]
 
@@ -284,14 +290,14 @@ def test_a_snap_is_shortened_along_the_way_to_the_least_one():
 @pytest.mark.interpreted
 def test_directions_values_and_where_the_vehicle_is():
     settings = settings_of()
-    center, velocity, radius = (
-        x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0))
+    spheres = Obstacles(
+        *(x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0)))
     )
-    last, facts = np.zeros((1, 3, 4)), open_facts((1,))
-    rows = (center, velocity, radius, last, settings, facts)
+    chosen, fact = np.zeros(3, dtype=HALF_SPACE), open_fact()
+    rows = (spheres, chosen, settings, fact)
     assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
-    assert last[0, 0, :3].tolist() == [-1.0, 0.0, 0.0] and last[0, 1, :3].tolist() == [0.0, -1.0, 0.0]
-    assert facts[0, VALUE] == pytest.approx(2.0 - 1.005) and not last[0, 2].any()
+    assert chosen["n"][:2].tolist() == [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
+    assert fact["value"] == pytest.approx(2.0 - 1.005) and chosen[2] == np.zeros(1, dtype=HALF_SPACE)[0]
     # A snap straight at the first sphere is cut; inside of a sphere the vehicle is not outside of all.
     assert choose_directions(0, HOVER, (1e6, 0.0, 0.0), *rows) == (True, True)
     inside = HOVER._replace(r=(1.5, 0.0, 0.0))
@@ -304,15 +310,14 @@ def test_directions_values_and_where_the_vehicle_is():
 def test_the_nearest_snap_keeps_what_each_sphere_asks_for_and_changes_nothing_else():
     settings = settings_of()
     spheres = spheres_at(((1.5, 0.0, 0.0), 1.0), ((0.0, 1.4, 0.0), 1.0), ((0.0, 0.0, 0.0), 0.0))
-    last = np.array([[-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    row = row_of((-1.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
     calm = (-1.0, -2.0, 3.0)
-    facts = open_facts()
-    assert nearest_snap(HOVER, calm, False, spheres, last, settings, facts) == (calm, True)
-    assert (facts[RESERVE], facts[OBSTACLE]) == (0.0, -1.0)
+    assert nearest_snap(HOVER, calm, False, spheres, row, settings) == (calm, True)
+    assert row.fact[["reserve", "obstacle"]].item() == (0.0, -1.0)
     wild = (1e5, 2e5, 7.0)
-    u, is_feasible = nearest_snap(HOVER, wild, False, spheres, last, settings, facts)
+    u, is_feasible = nearest_snap(HOVER, wild, False, spheres, row, settings)
     # The two directions are square to each other: each coordinate is what its sphere admits.
-    assert is_feasible and u[2] == 7.0 and facts[OBSTACLE] == 1.0
+    assert is_feasible and u[2] == 7.0 and row.fact["obstacle"] == 1.0
     for k, axis in ((0, 0), (1, 1)):
         distance = 1.5 - 0.1 * k
         state = np.array([[0.0, 0.0, 0.0, distance]])
@@ -323,30 +328,28 @@ def test_the_nearest_snap_keeps_what_each_sphere_asks_for_and_changes_nothing_el
 @pytest.mark.interpreted
 def test_the_nearest_snap_keeps_to_an_authority():
     settings = settings_of(authority=VEHICLE)
-    spheres, last = spheres_at(((9.0, 0.0, 0.0), 0.0)), np.zeros((1, 4))
+    spheres, row = spheres_at(((9.0, 0.0, 0.0), 0.0)), row_of((0.0, 0.0, 0.0, 0.0))
     x = HOVER._replace(j=(38.0, 0.0, 0.0), a=(2.0, 0.0, 0.0))
-    facts = open_facts()
     wanted = (1e4, 50.0, 20.0)
-    u, is_feasible = nearest_snap(x, wanted, False, spheres, last, settings, facts)
-    assert is_feasible and np.linalg.norm(u) <= VEHICLE.snap_max and facts[OBSTACLE] == -1.0
+    u, is_feasible = nearest_snap(x, wanted, False, spheres, row, settings)
+    assert is_feasible and np.linalg.norm(u) <= VEHICLE.snap_max and row.fact["obstacle"] == -1.0
     for limit in range(LIMITS):
         demand = limit_demand(limit, x, u, settings.sampling, settings.sampling.authority)
         assert excess(demand, u) <= 1e-6
     jerk = np.array(x.j) + PERIOD * np.array(u)
-    assert np.linalg.norm(jerk) == pytest.approx(settings.limits.jerk_max, rel=1e-2)
+    assert np.linalg.norm(jerk) == pytest.approx(settings.flight.limits.jerk_max, rel=1e-2)
 
 
 @pytest.mark.interpreted
 def test_a_bound_on_the_closing_speed_cuts_what_the_distance_admits():
     settings = settings_of(max_closing_speed=1.0)
-    spheres, last = spheres_at(((50.0, 0.0, 0.0), 1.0)), np.array([[-1.0, 0.0, 0.0, 0.0]])
+    spheres, row = spheres_at(((50.0, 0.0, 0.0), 1.0)), row_of((-1.0, 0.0, 0.0, 0.0))
     x, wanted = HOVER._replace(v=(0.9, 0.0, 0.0)), (2000.0, 1.0, 2.0)
-    assert nearest_snap(x, wanted, False, spheres, last, settings_of(), open_facts())[0] == wanted
-    facts = open_facts()
-    u, is_feasible = nearest_snap(x, wanted, False, spheres, last, settings, facts)
+    assert nearest_snap(x, wanted, False, spheres, row, settings_of())[0] == wanted
+    u, is_feasible = nearest_snap(x, wanted, False, spheres, row, settings)
     least = sampled_input(np.array([[0.0, 0.0, -0.9]]), -2000.0, PERIOD, 200.0, -1.0, 2.0)[0][0]
     assert is_feasible and u == pytest.approx((-least, 1.0, 2.0))
-    assert facts[VALUE] == pytest.approx(0.1) and facts[OBSTACLE] == 0.0
+    assert row.fact["value"] == pytest.approx(0.1) and row.fact["obstacle"] == 0.0
 
 
 @pytest.mark.interpreted
@@ -358,13 +361,12 @@ def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
     shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
 
     def parts():
-        memory = shield.snapshot()["memory"]
-        half_spaces, velocities, stops, _ = places(3, 2)
-        return memory[half_spaces:velocities].view(float).reshape(3, -1), memory[stops:].view(PLAN)
+        return sampled_memory(shield.snapshot()["memory"], 3, 2)[0]
 
-    before, plans = parts()
-    assert before[:, :3].any(axis=1).all() and plans["is_stored"].all()
+    before = parts()
+    assert before.half_spaces["n"].any(axis=(1, 2)).all() and before.plans["is_stored"].all()
     shield.reset(np.array([False, True, False]))
-    after, plans = parts()
-    assert not after[1].any() and (after[[0, 2]] == before[[0, 2]]).all()
-    assert plans["is_stored"].tolist() == [True, False, True]
+    after = parts()
+    assert not after.half_spaces["n"][1].any() and not after.half_spaces["least"][1].any()
+    assert (after.half_spaces[[0, 2]] == before.half_spaces[[0, 2]]).all()
+    assert after.plans["is_stored"].tolist() == [True, False, True]

@@ -1,6 +1,11 @@
-"""The fourth order under one lower bound: g_4 and t_star, for one state or for rows that fill vector lanes.
+"""One lower bound, orders 1 to 4: g_n and t_star, under u_max or under an input that is held before it.
 
-Under u_max the speed x_3 is a cubic in t. With ``s = t + B`` and the factor u_max / 6 taken out,
+    g_n(x) = min over t >= 0 of [flow(x, u_max, t)]_n - bound                                             (8)
+    G(U) = min over t >= 0 of x_n(t) - bound      U held for a period Δ, u_max ever after
+    x_n(t) = [flow(x, u_max, t)]_n - (u_max - U) w(t)       w(t) = (tⁿ - max(t - Δ, 0)ⁿ) / n!
+
+The fourth order, for one state or for rows that fill vector lanes. Under u_max the speed x_3 is a cubic in t.
+With ``s = t + B`` and the factor u_max / 6 taken out,
 
     s³ + X s = ±Y        B = x_1/u,  X = 6 x_2/u - 3 B²,  Y = |2 B³ - 6 B x_2/u + 6 x_3/u|,  u = u_max
 
@@ -18,8 +23,9 @@ import math
 import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.maths.held_input import derivatives, lowest_in_period, state_after
 from quadsafe_core.maths.minimum import better, margin
-from quadsafe_core.maths.polynomials import LARGEST, ROUNDING, cubic_roots
+from quadsafe_core.maths.polynomials import LARGEST, ROUNDING, cubic_roots, quadratic_roots
 
 # The bits of a float, read as an integer, are 2^52 (log2 + 1023), as if the logarithm were linear in between.
 OCTAVE = 2.0**52
@@ -135,3 +141,69 @@ def lower4_batch(x, u_max, bound, value, t_star):
         if math.isnan(value[i]):
             k = 4 * i
             value[i], t_star[i] = lower4(x[k], x[k + 1], x[k + 2], x[k + 3], u_max[i], bound[i])
+
+
+@inline_kernel
+def lower1(x1, bound):
+    """(15): g_1 and t_star."""
+    return x1 - bound, 0.0
+
+
+@kernel
+def lower2(x1, x2, u_max, bound):
+    """(17): g_2 and t_star."""
+    if x1 >= 0.0:
+        return x2 - bound, 0.0
+    t = min(-x1 / u_max, LARGEST)
+    p = (0.0, 0.0, 0.5 * u_max, x1)
+    rise, t_star = better(p, t, 0.0, 0.0)
+    return margin(p, x2, bound, rise, t_star), t_star
+
+
+@kernel
+def lower3(x1, x2, x3, u_max, bound):
+    """(21) by Prop. 2: g_3 and t_star."""
+    if x1 >= 0.0 and x2 >= 0.0:
+        return x3 - bound, 0.0
+    p = (0.0, u_max / 6.0, 0.5 * x1, x2)
+    _, t2 = quadratic_roots(0.5 * u_max, x1, x2)
+    rise, t_star = better(p, t2, 0.0, 0.0)
+    return margin(p, x3, bound, rise, t_star), t_star
+
+
+@kernel
+def sensitivity(order, t_star):
+    """``t_star^(n-1) / (n-1)!``: how much the rate of g_n grows with the input."""
+    factor = 1.0
+    for i in range(1, order):
+        factor *= t_star / i
+    return factor
+
+
+@kernel
+def lower(order, x, u_max):
+    """g_n above 0 and t_star."""
+    if order == 4:
+        return lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
+    if order == 3:
+        return lower3(x[1], x[2], x[3], u_max, 0.0)
+    if order == 2:
+        return lower2(x[2], x[3], u_max, 0.0)
+    return lower1(x[3], 0.0)
+
+
+@kernel
+def lower_parts(order, x, u, period, u_max):
+    """Least x_n and its time, within the period and from its end on."""
+    y = derivatives(order, x, u)
+    dip, t_dip = lowest_in_period(y, period)
+    tail, t_tail = lower(order, state_after(y, period), u_max)
+    return dip, t_dip, tail, period + t_tail
+
+
+@kernel
+def held_lower(order, x, u, period, u_max, bound):
+    """G(u) and its minimiser; ``x`` has four entries, zeros before those of the chain."""
+    x = (x[0], x[1], x[2], x[3] - bound)
+    dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
+    return (tail, t_tail) if tail <= dip else (dip, t_dip)

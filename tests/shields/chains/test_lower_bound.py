@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from shields.chains.fourth_order import (
+from shields.chains.lower_bound import (
     _careful_lower4,
     _estimate,
     _isolated,

@@ -1,0 +1,79 @@
+"""What kernels pass to each other: what was measured, what is answered, what a certified flight keeps to.
+
+Arrays in tuples are for kernels alone: from Python they would take microseconds to cross.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class ThrustBand(NamedTuple):
+    """Least and greatest specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
+
+    least: float
+    most: float
+    gravity: float
+
+
+class MovingSpheres(NamedTuple):
+    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
+
+    center: np.ndarray
+    velocity: np.ndarray
+    keep_out: np.ndarray
+
+
+class Obstacles(NamedTuple):
+    """The spheres of N worlds: centres (N, K, 3), m, velocities (N, K, 3), m/s, radii (N, K), m, 0 for none.
+
+    Whole arrays, as every view of a row is counted by its owner, which takes longer than a quick test.
+    """
+
+    center: np.ndarray
+    velocity: np.ndarray
+    radius: np.ndarray
+
+
+class Measured(NamedTuple):
+    """What a shield is given: flat states (N, 4, 3), SI, the spheres, the desired snaps (N, 3), m/s⁴."""
+
+    flat: np.ndarray
+    spheres: Obstacles
+    snap: np.ndarray
+
+
+class Answers(NamedTuple):
+    """What it answers with: safe snaps (N, 3), m/s⁴, and for each row the facts (N,) of ``Filtered``."""
+
+    safe: np.ndarray
+    facts: np.ndarray
+
+
+class Demand(NamedTuple):
+    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+
+    n: tuple
+    least: float
+    value: float
+    is_admissible: bool
+
+
+class FlightLimits(NamedTuple):
+    """What a certified flight keeps.
+
+    The largest snap that is flown, and that a stop counts on, m/s⁴; the largest jerk, m/s³; the thrust band.
+    """
+
+    snap_max: float
+    stop_snap_max: float
+    jerk_max: float
+    band: ThrustBand
+
+
+class Flight(NamedTuple):
+    """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
+
+    period: float
+    limits: FlightLimits
+    gains: tuple

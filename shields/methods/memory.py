@@ -1,0 +1,222 @@
+"""What the sampled shields remember: one array of bytes, read off as typed parts in the order of these tuples.
+
+One array with everything in it crosses into a kernel faster than many.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from quadsafe_core.authority import Authority
+from quadsafe_core.kernels.borrow import taken
+from quadsafe_core.kernels.choice import only_if
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import vector
+from quadsafe_core.maths.feedback import held_gains
+from shields.backup.recovery import RECOVERY_POLE
+from shields.backup.stored_stop import PLAN
+from shields.interface.filtered import NUMBERS
+from shields.interface.records import Flight, FlightLimits, ThrustBand
+from shields.interface.row_checks import BRAKING_POLE, FLOATS
+from shields.methods.easing import Easing, easing_at
+from shields.methods.flight_bounds import FlightBounds, closing_bounds
+from shields.methods.halfspace import Sampling
+
+# What is fixed for a control period. Gains act on (r, v, a, j), or on (v, a, j).
+SETTINGS = np.dtype(
+    [
+        ("rows", "i8"),  # N
+        ("obstacles", "i8"),  # K
+        ("delay", "i8"),  # periods
+        ("u_max", "f8"),  # m/s⁴
+        ("gamma", "f8"),
+        ("input_max", "f8"),  # m/s⁴
+        ("period", "f8"),  # s
+        ("snap_max", "f8"),  # of a certified flight, m/s⁴
+        ("stop_snap_max", "f8"),  # of a stop, m/s⁴
+        ("jerk_max", "f8"),  # m/s³
+        ("thrust_min", "f8"),  # specific, m/s²
+        ("thrust_max", "f8"),  # specific, m/s²
+        ("gravity", "f8"),  # m/s²
+        ("margin", "f8"),  # of a radius
+        ("tracking", "f8", (4,)),  # onto a stored stop
+        ("braking", "f8", (3,)),
+        ("recovery", "f8", (3,)),
+        ("easing", "f8", (4,)),
+        ("easing_left", "f8"),
+        ("easing_within", "f8"),
+        ("closing", "f8", (3,)),  # least R1 m/s, R2 m/s², R3 m/s³
+        ("authority", "f8", (5,)),  # the fields of ``Authority``
+        ("tube", "f8", (2,)),  # the fields of ``Width``, m
+    ],
+    align=True,
+)
+# The half-space that a sphere asked for last: its direction, and the least input along it, m/s⁴.
+HALF_SPACE = np.dtype([("n", "f8", (3,)), ("least", "f8")])
+SETTINGS_ROW, PLANS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=PLAN)
+HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
+
+
+class Width(NamedTuple):
+    """A tube around a stored stop, of the vehicle and of what is known of it, m."""
+
+    vehicle: float
+    estimate: float
+
+
+class Kind(NamedTuple):
+    """Which limits a shield has beyond distances: 1, or None for what there is not, which is not compiled.
+
+    It crosses into a kernel as a plain tuple, in a third of the time.
+    """
+
+    closing: int | None
+    authority: int | None
+    tube: int | None
+
+
+class ShieldSettings(NamedTuple):
+    """``SETTINGS`` as kernels use them; whether they are only distances; what there is not is None."""
+
+    sampling: Sampling
+    flight: Flight
+    margin: float
+    closing: tuple | None
+    braking: tuple
+    recovery: tuple
+    is_free: bool
+    tube: Width | None
+
+
+class SampledMemory(NamedTuple):
+    """Settings (1), stored stops (N), half-spaces (N, K), velocities of the spheres (N, K, 3), m/s."""
+
+    settings: NDArray[np.void]
+    plans: NDArray[np.void]
+    half_spaces: NDArray[np.void]
+    velocities: NDArray[np.float64]
+
+
+class TubeMemory(NamedTuple):
+    """What a tube needs as well.
+
+    | field    | shape     | meaning                                                                  |
+    |----------|-----------|--------------------------------------------------------------------------|
+    | flats    | (N, 4, 3) | flat states when all that is on its way has been flown, SI               |
+    | centers  | (N, K, 3) | centres of the spheres by then, m                                        |
+    | radii    | (N, K)    | radii with the tube, m                                                   |
+    | before   | (N,)      | the stops before the last answers                                        |
+    | pending  | (N, d, 3) | the answers that are on their way, m/s⁴                                  |
+    | chains   | (N,)      | how many of the last answers were certified, without a break             |
+    """
+
+    flats: NDArray[np.float64]
+    centers: NDArray[np.float64]
+    radii: NDArray[np.float64]
+    before: NDArray[np.void]
+    pending: NDArray[np.float64]
+    chains: NDArray[np.float64]
+
+
+@register_jitable
+def sampled_memory(memory, n, k):
+    """The parts of a memory of N vehicles and K spheres, and the bytes behind them."""
+    settings, memory = taken(memory, SETTINGS_ROW, (1,))
+    plans, memory = taken(memory, PLANS, (n,))
+    half_spaces, memory = taken(memory, HALF_SPACES, (n, k))
+    velocities, memory = taken(memory, FLOATS, (n, k, 3))
+    return SampledMemory(settings, plans, half_spaces, velocities), memory
+
+
+@register_jitable
+def tube_memory(memory, n, k, delay):
+    """The parts of the bytes behind a ``SampledMemory``."""
+    flats, memory = taken(memory, FLOATS, (n, 4, 3))
+    centers, memory = taken(memory, FLOATS, (n, k, 3))
+    radii, memory = taken(memory, FLOATS, (n, k))
+    before, memory = taken(memory, PLANS, (n,))
+    pending, memory = taken(memory, FLOATS, (n, delay, 3))
+    chains, memory = taken(memory, FLOATS, (n,))
+    return TubeMemory(flats, centers, radii, before, pending, chains)
+
+
+def sampled_size(n: int, k: int) -> int:
+    """Bytes of a ``SampledMemory``."""
+    return SETTINGS.itemsize + n * PLAN.itemsize + n * k * (HALF_SPACE.itemsize + 24)
+
+
+def tube_size(n: int, k: int, delay: int) -> int:
+    """Bytes of a ``TubeMemory``."""
+    return n * (96 + 32 * k + PLAN.itemsize + 24 * delay + 8)
+
+
+def empty_memory(n: int, k: int, delay: int, size: int) -> NDArray[np.uint8]:
+    """Memory of so many bytes for N vehicles and K spheres that remembers nothing."""
+    memory = np.zeros(size, dtype=np.uint8)
+    settings, _ = taken(memory, SETTINGS_ROW, (1,))
+    settings[0]["rows"], settings[0]["obstacles"], settings[0]["delay"] = n, k, delay
+    return memory
+
+
+@kernel
+def is_memory_of(memory, n, k, out):
+    """Whether memory and answer are those of N vehicles and K spheres."""
+    settings, _ = taken(memory, SETTINGS_ROW, (1,))
+    return settings[0]["rows"] == n and settings[0]["obstacles"] == k and out.shape[0] == NUMBERS * n
+
+
+@inline_kernel
+def four(row):
+    """A row of four as a tuple."""
+    return (row[0], row[1], row[2], row[3])
+
+
+@kernel
+def settings_of(s, kind):
+    """The settings of a record ``SETTINGS``; ``kind`` has the fields of ``Kind``."""
+    a = s["authority"]
+    closing = only_if(kind[0], vector(s["closing"]))
+    authority = only_if(kind[1], Authority(a[0], a[1], a[2], a[3], a[4]))
+    tube = only_if(kind[2], Width(s["tube"][0], s["tube"][1]))
+    easing = Easing(four(s["easing"]), s["easing_left"], s["easing_within"])
+    band = ThrustBand(s["thrust_min"], s["thrust_max"], s["gravity"])
+    limits = FlightLimits(s["snap_max"], s["stop_snap_max"], s["jerk_max"], band)
+    return ShieldSettings(
+        Sampling(s["u_max"], s["gamma"], s["input_max"], s["period"], authority, easing),
+        Flight(s["period"], limits, four(s["tracking"])),
+        s["margin"],
+        closing,
+        vector(s["braking"]),
+        vector(s["recovery"]),
+        closing is None and authority is None,
+        tube,
+    )
+
+
+def write_settings(
+    record: Any, settings: Mapping[str, Any], period: float, bounds: FlightBounds, tracking: NDArray[np.float64]
+) -> None:
+    """The settings of a shield at a control period, s, into a record ``SETTINGS``, but for the tube."""
+    record["u_max"], record["input_max"], record["period"] = bounds.u_max, bounds.input_max, period
+    record["gamma"], record["margin"] = -math.expm1(-settings["alpha"] * period), settings["margin"]
+    record["snap_max"], record["stop_snap_max"], record["jerk_max"], band = bounds.limits
+    record["thrust_min"], record["thrust_max"], record["gravity"] = band
+    record["tracking"] = tracking
+    record["braking"] = held_gains(3, BRAKING_POLE, period)
+    record["recovery"] = held_gains(3, RECOVERY_POLE, period)
+    record["easing"], record["easing_left"], record["easing_within"] = easing_at(period, settings["margin"])
+    record["closing"] = closing_bounds(settings)
+    record["authority"] = 0.0 if bounds.authority is None else bounds.authority
+
+
+def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool) -> Kind:
+    """Which limits a shield of these settings has."""
+    return Kind(
+        None if max(closing_bounds(settings)) == -math.inf else 1,
+        None if bounds.authority is None else 1,
+        1 if has_tube else None,
+    )

@@ -1,0 +1,45 @@
+"""What a method of a shield is: its memory, and the kernels that filter."""
+
+from collections.abc import Callable
+from typing import Any, Concatenate, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FilterKernel = Callable[Concatenate[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ...], int]
+"""Turns the desired snaps of N plants into safe ones, or of one without the leading axis; returns a code.
+
+It takes (flat, center, radius, snap, own, out): arrays of float64 in C order as in ``Shield.filter``, the
+method's own arguments, and the numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
+"""
+
+
+class Kernels(NamedTuple):
+    """How a method filters at a period: rows, or one plant without the leading axis; and its own arguments."""
+
+    batch: FilterKernel
+    one: FilterKernel
+    own: tuple
+
+
+class Method(Protocol):
+    """A way to filter rows; made once from the settings of a shield."""
+
+    memory: NDArray[Any]
+    """All that it remembers, one array; there from ``allocate`` on."""
+
+    def allocate(self, rows: int, obstacles: int) -> None:
+        """Make the memory for N plants and K spheres, empty."""
+
+    def forget(self, mask: NDArray[np.bool_]) -> None:
+        """Empty the memory of the rows of ``mask`` (N,)."""
+
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """The rows of ``mask`` (N,) fly these snaps (M, 3) in place of the last answer."""
+
+    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
+        """From now on the spheres move at velocities (N, K, 3), m/s, or all at 0."""
+
+    def at(self, period: float) -> Kernels:
+        """What filters at a control period, s."""
+        ...
