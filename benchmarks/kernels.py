@@ -89,6 +89,10 @@ def here() -> dict[str, float]:
     from quadsafe_env.vehicle.state import hover_state
     from shields import Shield
 
+    def call(flat, center, radius, snap) -> float:
+        shield = Shield()
+        return median(lambda: shield.filter(flat, center, radius, snap, PERIOD).snap)
+
     rng, times = np.random.default_rng(0), {}
     states, wrenches = aligned_rows(4096, 20), np.zeros((4096, 4))
     states[:] = hover_state(rng.uniform(-1, 1, (4096, 3)), "crazyflie")
@@ -97,14 +101,9 @@ def here() -> dict[str, float]:
     env.reset(seed=0)
     actions = cycle(rng.uniform(-1, 1, (32, 1024, 4)).astype(np.float32))
     times["env of 1,024"] = median(lambda: env.step(next(actions))) / 1024
-    calls = {
-        "shield alone": [x[0] for x in scene(1, 1)],
-        "corrected": corrected(),
-        "shield of 1,024": scene(1024, 1),
-    }
-    for name, arrays in calls.items():
-        shield = Shield()
-        times[name] = median(lambda: shield.filter(*arrays, PERIOD).snap) / (arrays[0].size // 12)  # noqa: B023
+    times["shield alone"] = call(*(array[0] for array in scene(1, 1)))
+    times["corrected"] = call(*corrected())
+    times["shield of 1,024"] = call(*scene(1024, 1)) / 1024
     return {name: 1e9 * time for name, time in times.items()}
 
 

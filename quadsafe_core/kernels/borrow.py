@@ -4,7 +4,7 @@ import math
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import carray, types
+from numba import carray, types  # pyright: ignore[reportPrivateImportUsage] - the docs name it so
 from numba.extending import intrinsic, overload, register_jitable
 
 A = TypeVar("A")
