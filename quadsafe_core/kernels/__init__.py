@@ -7,7 +7,7 @@ on an AMD EPYC (Zen 5), medians of 3 to 9 processes; a piece that pays less than
 
 linked: a kernel that kernels call is linked into them, no machine code of its own (``_Callee``, ``_Linked``,
     ``_IntoCallers``, ``_Kernel``: subclasses of ``CPUDispatcher``, ``Compiler``, ``JITCodeLibrary``). Pays
-    110 % of the CPU time of a cold compile, with ``forceinline=True`` for what is inlined, which numba documents;
+    110 % of the CPU time of a cold compile, with ``forceinline=True`` where inlined, an option numba documents;
     the benchmark leaves that out too: 71 %, and a row of RK4 takes five times as long.
     ``test_what_kernels_call_is_no_machine_code_before_python_calls_it``.
     Instead: drop ``get_call_template`` and ``get_overload``, give ``forceinline=True`` in ``_compiled``.
