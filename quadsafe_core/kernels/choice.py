@@ -2,7 +2,7 @@
 
 from typing import Any, TypeVar
 
-from numba.core import types
+from numba import types
 from numba.extending import overload
 
 V = TypeVar("V")

@@ -1,4 +1,4 @@
-"""Three-vectors as tuples of floats, for kernels."""
+"""Three-vectors, (3,): tuples of floats in and out, for kernels; any indexable row will do as an argument."""
 
 import math
 
@@ -19,7 +19,7 @@ def subtract(a, b):
 
 @inline_kernel
 def scale(s, a):
-    """``s a``."""
+    """``s a`` of a number and a (3,)."""
     return (s * a[0], s * a[1], s * a[2])
 
 
@@ -43,23 +43,23 @@ def norm(a):
 
 @inline_kernel
 def vector(row):
-    """A row of three as a tuple."""
+    """The first three numbers of a row, (≥ 3,), as a tuple."""
     return (row[0], row[1], row[2])
 
 
 @inline_kernel
 def triple(rows, i, k):
-    """The three numbers of row (i, k)."""
+    """The three numbers of row (i, k) of an (N, K, 3) array."""
     return (rows[i, k, 0], rows[i, k, 1], rows[i, k, 2])
 
 
 @inline_kernel
 def write3(row, x):
-    """Store a three-vector in a row."""
+    """Store a three-vector in the first three numbers of a row, (≥ 3,)."""
     row[0], row[1], row[2] = x[0], x[1], x[2]
 
 
 @inline_kernel
 def combined(a, s, b):
-    """``a + s b``."""
+    """``a + s b`` of a (3,), a number and a (3,)."""
     return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])

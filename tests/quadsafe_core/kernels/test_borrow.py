@@ -2,11 +2,14 @@
 
 import sys
 
+import numba
 import numpy as np
 import pytest
 
 from quadsafe_core.kernels.borrow import borrowed, carved, one_row
 from quadsafe_core.kernels.jit import kernel
+
+needs_compiler = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="plain Python counts references")
 
 
 @kernel
@@ -35,6 +38,47 @@ def test_borrowing_leaves_the_reference_count_alone():
     for _ in range(100):
         doubled_sum(rows)
     assert sys.getrefcount(rows) == before
+
+
+@kernel
+def given_back(array):
+    return array
+
+
+@kernel
+def lent(array):
+    return borrowed(array)
+
+
+@kernel
+def first_row(array):
+    return one_row(array)
+
+
+@kernel
+def first_six(array):
+    return carved(array, 8, array, (2, 3))
+
+
+ARRAY = np.arange(24.0).reshape(4, 6)
+
+
+@needs_compiler
+@pytest.mark.parametrize("array", [ARRAY, ARRAY[::2, 1::3], ARRAY.T], ids=["C", "strided", "F"])
+def test_a_borrowed_array_has_no_owner(array):
+    """Not even what Python is handed back, which therefore a kernel must never do."""
+    view = lent(array)
+    assert view.base is None and not view.flags.owndata and np.shares_memory(view, array)
+    np.testing.assert_array_equal(view, array)
+    # The counter-case: what is not borrowed comes back with its owner.
+    assert given_back(array) is array
+
+
+@needs_compiler
+def test_what_is_carved_and_one_row_have_no_owner():
+    for view in (first_row(ARRAY), first_six(ARRAY)):
+        assert view.base is None and not view.flags.owndata and np.shares_memory(view, ARRAY)
+    np.testing.assert_array_equal(first_six(ARRAY), [[1, 2, 3], [4, 5, 6]])
 
 
 def test_only_arrays_can_be_borrowed():

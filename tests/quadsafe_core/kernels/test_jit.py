@@ -192,3 +192,31 @@ def test_the_garbage_collector_rests_while_a_kernel_is_compiled_and_is_left_as_i
         finally:
             gc.enable()
     assert seen == [False, False]
+
+
+@needs_compiler
+def test_a_kernel_has_no_second_entry_for_c():
+    @jit.kernel
+    def half(x):
+        return 0.5 * x
+
+    plain = numba.njit(half.py_func)
+    assert half(3.0) == plain(3.0) == 1.5
+    codes = [of.inspect_llvm(of.signatures[0]) for of in (half, plain)]
+    assert "cfunc." not in codes[0] and "cfunc." in codes[1]
+
+
+def test_new_types_are_compiled_where_that_is_allowed_and_refused_elsewhere():
+    @jit.kernel
+    def double(x):
+        return x + x
+
+    with jit.compiling(double):
+        assert double(1.5) == 3.0
+    assert double(2.5) == 5.0
+    if hasattr(double, "signatures"):
+        with pytest.raises(TypeError):
+            double("ab")
+    with jit.compiling(double):
+        assert double((1,)) == (1, 1)
+    assert double((2,)) == (2, 2)

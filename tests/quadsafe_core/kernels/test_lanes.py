@@ -7,7 +7,15 @@ import numpy as np
 import pytest
 
 from quadsafe_core.kernels.jit import kernel
-from quadsafe_core.kernels.lanes import LANES, aligned_rows, fma, from_lanes, new_block, to_lanes
+from quadsafe_core.kernels.lanes import (
+    LANES,
+    aligned_rows,
+    fma,
+    from_lanes,
+    new_block,
+    to_lanes,
+    wide_vectors,
+)
 
 pytestmark = pytest.mark.interpreted
 
@@ -54,3 +62,22 @@ def test_rows_start_on_a_cache_line():
     for count in (1, 5, 1024):
         rows = aligned_rows(count, 20)
         assert rows.shape == (count, 20) and rows.ctypes.data % 64 == 0 and rows.flags.c_contiguous
+
+
+@kernel
+def wide_sum(numbers):
+    wide_vectors()
+    return numbers.sum()
+
+
+@kernel
+def narrow_sum(numbers):
+    return numbers.sum()
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="nothing is compiled")
+def test_wide_vectors_tells_llvm_and_changes_nothing_else():
+    numbers, told = np.arange(5.0), '"prefer-vector-width"="512"'
+    assert wide_sum(numbers) == narrow_sum(numbers) == 10.0
+    codes = [of.inspect_llvm(of.signatures[0]) for of in (wide_sum, narrow_sum)]
+    assert told in codes[0] and told not in codes[1]
