@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.experiment.runs import write_safely
+from agents.experiment.files import write_safely
 from quadsafe_core.checks import one_of
 
 KINDS = (".webp", ".gif", ".mp4")

@@ -8,10 +8,10 @@ import numpy as np
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
-from agents.experiment.build import make_env, of_arm
-from agents.experiment.runs import Run, spelled
+from agents.experiment.environments import make_env, of_arm
+from agents.experiment.runs import Run, jobs_in_words
 from agents.measure.evaluate import Agent, agent_of, held_out_scenes
-from agents.report.trace import chosen
+from agents.measure.trace import chosen
 from agents.report.video import check_video, write_video
 from quadsafe_env.settings import scene_integer
 from shields.slot.info import shield_in
@@ -126,5 +126,5 @@ def chosen_flight(run: Run, arm: str | None, seed: int | None, scene: int | None
     if seed is None:
         seed = own_seed if (arm, own_seed) in jobs else next((s for a, s in jobs if a == arm), 0)
     if (arm, seed) not in jobs:
-        raise ValueError(f"arm and seed must be of {spelled(jobs)} in {run.folder}, got {arm} {seed}")
+        raise ValueError(f"arm and seed must be of {jobs_in_words(jobs)} in {run.folder}, got {arm} {seed}")
     return arm, seed, own_scene if scene is None else scene_integer("scene", scene)

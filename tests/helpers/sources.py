@@ -61,7 +61,10 @@ def tall_chains(package):
 def room_lines(package):
     """The package and its rooms, each with the first line of its docstring, as a picture shows them."""
     rooms = sorted(file.parent for file in package.glob("*/__init__.py"))
-    return [f"{package.name}/  {first_line(package)}", *(f"  {room.name}/  {first_line(room)}" for room in rooms)]
+    return [
+        f"{package.name}/  {first_line(package)}",
+        *(f"  {room.name}/  {first_line(room)}" for room in rooms),
+    ]
 
 
 def rooms_in(text):

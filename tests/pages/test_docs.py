@@ -138,7 +138,7 @@ def test_an_example_that_needs_another_one_is_noticed(block, error):
 
 
 @pytest.mark.parametrize(
-    "room", ["shields", "quadsafe_env", "agents.experiment.build", "quadsafe_env.safety_gymnasium"]
+    "room", ["shields", "quadsafe_env", "agents.experiment.environments", "quadsafe_env.safety_gymnasium"]
 )
 def test_ids_are_known_after_the_import_of_either_island(room):
     names = "[name for name in gymnasium.registry if name.startswith('QuadSafe/')]"

@@ -18,7 +18,7 @@ from agents.experiment import runs
 from agents.experiment.config import Experiment, Options
 from agents.experiment.runs import Run
 from agents.train import cluster
-from agents.train.display import last_row
+from agents.train.progress_bar import last_row
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="needs the extra [ray]")
 

@@ -13,9 +13,10 @@ import pytest
 import torch
 from house import ROOT
 
-from agents.experiment.build import checked
 from agents.experiment.config import Experiment, Options
-from agents.experiment.runs import Run, create_run, open_run, read_json, sole_use
+from agents.experiment.environments import checked
+from agents.experiment.files import read_json
+from agents.experiment.runs import Run, create_run, open_run, sole_use
 from agents.learn.checkpoint import load_checkpoint
 from agents.train import training
 
@@ -88,14 +89,14 @@ def agrees(run, uninterrupted):
 
 
 def stop_after_each_rollout(monkeypatch, run):
-    begin = training.Keeper._on_rollout_start
+    begin = training.CheckpointCallback._on_rollout_start
 
-    def begin_or_stop(keeper):
-        if keeper.num_timesteps > keeper._saved_at:
+    def begin_or_stop(callback):
+        if callback.num_timesteps > callback._saved_at:
             run.stop_file.touch()
-        begin(keeper)
+        begin(callback)
 
-    monkeypatch.setattr(training.Keeper, "_on_rollout_start", begin_or_stop)
+    monkeypatch.setattr(training.CheckpointCallback, "_on_rollout_start", begin_or_stop)
 
 
 @pytest.mark.parametrize(
@@ -250,7 +251,7 @@ def test_two_processes_do_not_train_in_the_same_folder(tmp_path):
 
 
 def _model(run):
-    from agents.experiment.build import make_training_env
+    from agents.experiment.environments import make_training_env
     from agents.learn.algorithms import make_model
     from agents.learn.sb3_vec import Sb3VectorEnv
 

@@ -17,9 +17,9 @@ import yaml
 
 import agents
 import train
-from agents.experiment import runs
-from agents.experiment.build import checked, make_training_env
+from agents.experiment import files, runs
 from agents.experiment.config import Experiment
+from agents.experiment.environments import checked, make_training_env
 from agents.learn import algorithms
 from agents.learn.episodes import EPISODE
 from agents.learn.sb3_vec import Sb3VectorEnv
@@ -89,7 +89,7 @@ def test_results_agree_with_the_episodes(finished):
     trained, flown = ([r for r in rows if r["phase"] == phase] for phase in ("training", "evaluation"))
     assert [(row["arm"], row["flown"]) for row in trained] == [("none", "off"), ("shield", "on")]
     for row in trained:
-        episodes = runs.read_csv(finished / f"{row['arm']}_seed0" / "episodes.csv", EPISODE)
+        episodes = files.read_csv(finished / f"{row['arm']}_seed0" / "episodes.csv", EPISODE)
         assert int(row["episodes"]) == len(episodes) > 0
         # A violation ends the episode, so there are as many steps with one.
         assert int(row["violations"]) == episodes["violation"].sum() == int(row["violation_steps"])
@@ -107,7 +107,7 @@ def test_results_agree_with_the_episodes(finished):
 
 
 def test_a_table_keeps_commas_in_their_cells(tmp_path):
-    runs.write_csv(tmp_path / "a.csv", ["x", "y"], [["a, b", 1.5], ['"', True]])
+    files.write_csv(tmp_path / "a.csv", ["x", "y"], [["a, b", 1.5], ['"', True]])
     assert table(tmp_path / "a.csv") == [{"x": "a, b", "y": "1.5"}, {"x": '"', "y": "True"}]
 
 
@@ -138,7 +138,7 @@ def test_tensorboard_gets_what_the_table_has(finished):
 
 def test_the_shield_flew_in_its_arm_only(finished):
     without, shielded = (
-        runs.read_csv(finished / f"{arm}_seed0" / "episodes.csv", EPISODE) for arm in ("none", "shield")
+        files.read_csv(finished / f"{arm}_seed0" / "episodes.csv", EPISODE) for arm in ("none", "shield")
     )
     assert without["violation"].any() and not without["interventions"].any()
     assert not shielded["violation"].any() and shielded["interventions"].any()

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.experiment.arms import ARMS
-from agents.experiment.build import make_env, of_arm
-from agents.experiment.runs import Run, read_csv, read_json, write_csv, write_json
+from agents.experiment.environments import make_env, of_arm
+from agents.experiment.files import read_csv, read_json, write_csv, write_json
+from agents.experiment.runs import Run
 from agents.measure.evaluate import FLIGHT, agent_of
 
 AXES = "xyz"
