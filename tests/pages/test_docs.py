@@ -117,12 +117,17 @@ def run_alone(block):
     return subprocess.run([sys.executable, "-c", block], check=False, cwd=ROOT, capture_output=True, text=True)
 
 
-def test_every_example_of_the_readme_runs_when_it_is_copied_alone():
-    blocks = blocks_of(ROOT / "README.md")
-    assert len(blocks) >= 8
-    for block in blocks:
-        outcome = run_alone(block)
-        assert outcome.returncode == 0, f"{block}\n{outcome.stderr}"
+README_BLOCKS = blocks_of(ROOT / "README.md")
+
+
+def test_the_readme_has_its_examples():
+    assert len(README_BLOCKS) >= 8
+
+
+@pytest.mark.parametrize("block", README_BLOCKS, ids=range(len(README_BLOCKS)))
+def test_every_example_of_the_readme_runs_when_it_is_copied_alone(block):
+    outcome = run_alone(block)
+    assert outcome.returncode == 0, f"{block}\n{outcome.stderr}"
 
 
 @pytest.mark.parametrize(
