@@ -33,7 +33,7 @@ def jobs_in_words(jobs: Iterable[tuple[str, int]]) -> str:
     arms: dict[str, list[str]] = {}
     for arm, own in seeds.items():
         arms.setdefault(_seeds_in_words(sorted(own)), []).append(arm)
-    return "; ".join(f"{', '.join(names)} with {told}" for told, names in arms.items())
+    return "; ".join(f"{', '.join(names)} with {which}" for which, names in arms.items())
 
 
 @dataclass(frozen=True)
@@ -176,5 +176,5 @@ def _seeds_in_words(seeds: list[int]) -> str:
             stretches[-1].append(seed)
         else:
             stretches.append([seed])
-    told = (f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in stretches)
-    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(told)}"
+    words = (f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in stretches)
+    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(words)}"

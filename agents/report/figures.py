@@ -76,10 +76,10 @@ def clearances(flights: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> go.F
 def forest(rows: list[Row]) -> go.Figure:
     """Rates of collision and success on held-out flights, and their paired differences, with intervals."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))[::-1]
-    told = {name: title for name, title in MEASURES.items() if any(_is_told(row, name) for row in rows)}
-    figure = make_subplots(1, len(told), shared_yaxes=True, horizontal_spacing=0.03)
+    shown = {name: title for name, title in MEASURES.items() if any(_is_known(row, name) for row in rows)}
+    figure = make_subplots(1, len(shown), shared_yaxes=True, horizontal_spacing=0.03)
     styled(figure, 130 + 52 * len(arms))
-    for column, (measure, title) in enumerate(told.items(), start=1):
+    for column, (measure, title) in enumerate(shown.items(), start=1):
         for row in rows:
             figure.add_trace(_whisker(row, measure, arms.index(row["arm"])), 1, column)
         figure.update_xaxes(title_text=title, row=1, col=column)
@@ -129,7 +129,7 @@ def _distribution(arm: str, clearance: NDArray[np.float64], is_in_legend: bool) 
 def _whisker(row: Row, measure: str, place: int) -> go.Scatter:
     """A value with its interval, in per cent; nothing where there is none."""
     value = row[measure]
-    if not _is_told(row, measure):
+    if not _is_known(row, measure):
         return go.Scatter(x=[None], y=[None], showlegend=False)
     low, high = _ends(row, measure)
     return go.Scatter(
@@ -149,7 +149,7 @@ def _whisker(row: Row, measure: str, place: int) -> go.Scatter:
     )
 
 
-def _is_told(row: Row, measure: str) -> bool:
+def _is_known(row: Row, measure: str) -> bool:
     """Whether there is such a value; the difference of the reference to itself is none."""
     is_itself = measure.endswith("difference") and (row["arm"], row["flown"]) == REFERENCE
     return row[measure] is not None and not is_itself

@@ -27,13 +27,13 @@ class Started(NamedTuple):
 
     job: Job
     process: Any
-    answers: Connection
+    receiver: Connection
 
     def failure(self) -> str:
         """Once the process has ended: why the job could not be done, "" if it could."""
         self.process.join()
         try:
-            return self.answers.recv()
+            return self.receiver.recv()
         except EOFError:
             return f"its process ended with exit code {self.process.exitcode}"
 
@@ -71,11 +71,11 @@ class Processes:
         return failures
 
     def _start(self, run: Run, job: Job, options: Options) -> "Started":
-        answers, told = self._context.Pipe(duplex=False)
-        process = self._context.Process(target=_in_a_process, args=(told, run, job, options), daemon=True)
+        receiver, sender = self._context.Pipe(duplex=False)
+        process = self._context.Process(target=_in_a_process, args=(sender, run, job, options), daemon=True)
         process.start()
-        told.close()
-        return Started(job, process, answers)
+        sender.close()
+        return Started(job, process, receiver)
 
 
 class ThisMachine:
@@ -88,11 +88,11 @@ class ThisMachine:
         return engine.run(run, jobs, options)
 
 
-def _in_a_process(told: Connection, run: Run, job: Job, options: Options) -> None:
+def _in_a_process(sender: Connection, run: Run, job: Job, options: Options) -> None:
     # Ctrl-C reaches every process of a terminal; the parent asks for a stop.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    told.send(attempt(run, job, options))
+    sender.send(attempt(run, job, options))
 
 
 def _end_with_parent() -> None:
