@@ -1,11 +1,10 @@
 """Curves and figures of a report, against numbers computed anew from the CSV files."""
 
-import csv
-
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 from made_run import EPISODES, FLIGHTS, STEPS, made_run
+from run_files import table
 
 from agents.measure import results
 from agents.measure.statistics import iqm
@@ -25,12 +24,7 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def drawn(run):
     found = run_figures(run, results.result_rows(results.seed_rows(run)))
-    return {plate.name: plate for plate in found}
-
-
-def table(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
+    return {drawing.name: drawing for drawing in found}
 
 
 def traces(figure, **having) -> list[go.Scatter]:

@@ -1,6 +1,5 @@
 """Trainings that are interrupted, killed, out of disk or tampered with: the last interval is all they lose."""
 
-import hashlib
 import os
 import shlex
 import shutil
@@ -14,6 +13,7 @@ from pathlib import Path
 import pytest
 import torch
 from house import ROOT
+from run_files import Payload, weights
 
 import train
 from agents.experiment.config import Experiment, Options
@@ -30,14 +30,6 @@ EVERY = 128  # steps between two checkpoints, one rollout of SMALL
 WORDS = shlex.split(
     f"-n 6400 --eval-episodes 3 --save-freq {EVERY} --hyperparams n_envs:8 n_steps:16 batch_size:64 n_epochs:1"
 )
-
-
-def weights(folder):
-    state = torch.load(folder / "policy.pt", weights_only=True)
-    digest = hashlib.sha256()
-    for name in sorted(state):
-        digest.update(name.encode() + state[name].numpy().tobytes())
-    return digest.hexdigest()
 
 
 def results(folder):
@@ -215,16 +207,6 @@ def test_a_full_disk_leaves_the_old_checkpoint_and_says_so(run, uninterrupted):
     assert {arm: path.read_bytes() for arm, path in checkpoints(run).items()} == kept
     assert "Ended early. To go on: python train.py -i" in out
     assert goes_on_as_uninterrupted(run, uninterrupted)
-
-
-class Payload:
-    """Makes a folder when unpickled."""
-
-    def __init__(self, path):
-        self.path = str(path)
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
 
 
 @pytest.mark.parametrize("place", ["whole", "counted", "replay"])

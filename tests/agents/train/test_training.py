@@ -1,7 +1,5 @@
 """The training script end to end on a tiny budget, and its files: complete, safe to load, reproducible."""
 
-import csv
-import hashlib
 import json
 import os
 import pickle
@@ -14,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from run_files import Payload, table, weights
 
 import agents
 import train
@@ -31,25 +30,12 @@ TINY = shlex.split(
 )
 
 
-def weights(folder):
-    state = torch.load(folder / "policy.pt", weights_only=True)
-    digest = hashlib.sha256()
-    for name in sorted(state):
-        digest.update(name.encode() + state[name].numpy().tobytes())
-    return digest.hexdigest()
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A finished run and the files in it."""
     log_folder = tmp_path_factory.mktemp("logs")
     assert train.main([*TINY, "-f", str(log_folder), "--progress", "-tb", str(log_folder / "board")]) == 0
     return log_folder / "QuadSafe-Avoid-v0_1"
-
-
-def table(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 def test_a_run_leaves_its_record(finished):
@@ -165,6 +151,7 @@ def test_equal_seeds_give_equal_weights_whatever_was_trained_before(finished, tm
     assert "seeds 0 to 1" in (again / "results.txt").read_text()
 
 
+@pytest.mark.slow
 def test_several_processes_give_what_one_gives(finished, tmp_path):
     assert train.main([*TINY[:-1], "2", "-f", str(tmp_path), "--n-seeds", "2"]) == 0
     again = tmp_path / "QuadSafe-Avoid-v0_1"
@@ -225,16 +212,6 @@ def test_load_names_the_trainings_there_are(finished, tmp_path):
     (tmp_path / "config.yml").write_bytes((finished / "config.yml").read_bytes())
     with pytest.raises(FileNotFoundError, match="run must hold a trained policy, got none"):
         agents.load(tmp_path)
-
-
-class Payload:
-    """Makes a folder when unpickled."""
-
-    def __init__(self, path):
-        self.path = str(path)
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
 
 
 def copied(finished, target):
