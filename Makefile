@@ -5,7 +5,8 @@ BIN := .venv/bin
 # The lowest Gymnasium that pyproject.toml allows: alone in a folder, it stands before the newest on the path.
 FLOOR := $(shell sed -n 's/.*"gymnasium>=\(.*\)".*/\1/p' pyproject.toml)
 FLOOR_PATH := $(CURDIR)/.venv/floor
-FLOOR_TESTS := env vector_env wrapper recorder autoreset vector_wrappers safety_gymnasium sb3_vec
+FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
+	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
 
 .PHONY: setup train test test-floor lint docs clean
 
@@ -28,12 +29,12 @@ lint: setup
 
 test: setup lint
 	$(BIN)/python -m pytest --numprocesses 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m interpreted --cov --cov-report=term
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --numprocesses 2 -m interpreted --cov --cov-report=term
 
 test-floor: setup
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(FLOOR_PATH) "gymnasium==$(FLOOR)"
 	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pip show gymnasium | grep "^Version: $(FLOOR)"
-	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pytest --numprocesses 2 $(FLOOR_TESTS:%=tests/test_%.py)
+	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pytest --numprocesses 2 $(FLOOR_TESTS)
 
 docs: setup
 	$(BIN)/python -m pip install --quiet --group docs

@@ -24,19 +24,19 @@ from agents.experiment.command_line import (
 def train(command: Train) -> int:
     """Train and fly every arm with every seed, report; 130 if Ctrl-C ended it early, 1 if a job failed."""
     print("Preparing; the first time, this compiles for about a minute.", flush=True)
-    from agents.experiment import build, runs
+    from agents.experiment import environments, runs
     from agents.learn import algorithms
-    from agents.measure import provenance
-    from agents.report import reporting, trace
-    from agents.train import display, engines
+    from agents.measure import provenance, trace
+    from agents.report import reporting
+    from agents.train import engines, progress_bar
 
     with errors_as_sentences():
         engine = engines.engine_of(command.options)
-        experiment = build.checked(command.experiment)
+        experiment = environments.checked(command.experiment)
         algorithms.check(experiment, command.options)
-        run = runs.begin(experiment, command.options, provenance.provenance(experiment))
+        run = runs.begin_run(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
-        with engines.StopRequest(run.stop_file) as stop, display.Display(run, jobs, command.options):
+        with engines.StopRequest(run.stop_file) as stop, progress_bar.ProgressBar(run, jobs, command.options):
             failures = engine.run(run, jobs, command.options)
 
     for (arm, seed), failure in failures.items():
@@ -51,8 +51,8 @@ def train(command: Train) -> int:
 def evaluate(command: Evaluate) -> int:
     """Fly the agents of a run again, and report."""
     from agents.experiment import runs
-    from agents.measure import evaluate
-    from agents.report import reporting, trace
+    from agents.measure import evaluate, trace
+    from agents.report import reporting
 
     with errors_as_sentences():
         run = runs.open_run(command.run)

@@ -25,7 +25,7 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "B
         FileNotFoundError: if the folder is no run, or has no such training.
         ValueError: for files that do not hold a config or weights.
     """
-    from agents.experiment.runs import open_run, spelled
+    from agents.experiment.runs import jobs_in_words, open_run
     from agents.learn.algorithms import load_policy
 
     opened = open_run(run)
@@ -33,5 +33,5 @@ def load(run: str | Path, arm: str | None = None, seed: int | None = None) -> "B
     arm = trained[-1][0] if arm is None else arm
     seed = next((s for a, s in trained if a == arm), 0) if seed is None else seed
     if (arm, seed) not in trained:
-        raise FileNotFoundError(f"arm and seed must be of {spelled(trained)} in {run}, got {arm} {seed}")
+        raise FileNotFoundError(f"arm and seed must be of {jobs_in_words(trained)} in {run}, got {arm} {seed}")
     return load_policy(opened, arm, seed)

@@ -19,13 +19,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.experiment.build import checked, make_training_env, make_vector_env
 from agents.experiment.config import Experiment
+from agents.experiment.environments import checked, make_training_env, make_vector_env
 from agents.learn.algorithms import make_model
 from agents.learn.episodes import EPISODE
 from agents.learn.sb3_vec import Sb3VectorEnv
 from agents.measure.evaluate import fly, held_out_scenes
-from agents.train.training import RECENT, Tally
+from agents.train.training import RECENT, EpisodeCallback
 
 GOOD = 0.95
 SHIELDED = "shield"
@@ -74,7 +74,7 @@ class NullEnv(VecEnv):
         return [True] * self.num_envs
 
 
-class UntilGood(Tally):
+class UntilGood(EpisodeCallback):
     """Ends a training once its recent episodes and the held-out flights of its policy are good enough."""
 
     def __init__(self, experiment: Experiment):
@@ -107,8 +107,8 @@ def new_model(arm: str, experiment: Experiment, seed: int = 0) -> BaseAlgorithm:
     return model
 
 
-def counting(arm: str) -> Tally | None:
-    return None if arm == "null" else Tally()
+def counting(arm: str) -> EpisodeCallback | None:
+    return None if arm == "null" else EpisodeCallback()
 
 
 def pace(model: Any, arm: str, updates: int) -> float:

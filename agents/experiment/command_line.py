@@ -88,11 +88,6 @@ def parse(arguments: Sequence[str] | None = None) -> Command:
     return _spelled(Train, words, "train.py", Train(open_run(command.options.trained_agent).experiment))
 
 
-def _spelled(kind: type, words: list[str], name: str, *default: Train) -> Any:
-    keywords: dict[str, Any] = {"default": default[0]} if default else {}
-    return tyro.cli(kind, args=words, prog=name, config=(tyro.conf.FlagCreatePairsOff,), **keywords)
-
-
 @contextmanager
 def errors_as_sentences() -> Iterator[None]:
     """Ends the program with one sentence where what the user asked for cannot be done."""
@@ -111,3 +106,8 @@ def interrupts_end_quietly() -> Iterator[None]:
     except KeyboardInterrupt:
         print("train.py: interrupted", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _spelled(kind: type, words: list[str], name: str, *default: Train) -> Any:
+    keywords: dict[str, Any] = {"default": default[0]} if default else {}
+    return tyro.cli(kind, args=words, prog=name, config=(tyro.conf.FlagCreatePairsOff,), **keywords)

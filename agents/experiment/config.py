@@ -164,6 +164,15 @@ def experiment_from_dict(table: dict[str, Any]) -> Experiment:
     return Experiment(**{**table, **fields})
 
 
+def check_positive(settings: Any, *names: str) -> None:
+    """Raise a ValueError unless these fields are integers of at least 1."""
+    # Not quadsafe_core.checks, which needs numpy: too slow for --help.
+    for name in names:
+        value = getattr(settings, name)
+        if not _is_integer(value) or value < 1:
+            raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
+
+
 def _entry(table: dict[str, Any], name: str, kind: type) -> Any:
     value = table.get(name, kind())
     if not isinstance(value, kind):
@@ -177,15 +186,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [_plain(entry) for entry in value]
     return str(value) if isinstance(value, Path) else value
-
-
-def check_positive(settings: Any, *names: str) -> None:
-    """Raise a ValueError unless these fields are integers of at least 1."""
-    # Not quadsafe_core.checks, which needs numpy: too slow for --help.
-    for name in names:
-        value = getattr(settings, name)
-        if not _is_integer(value) or value < 1:
-            raise ValueError(f"{name} must be an integer >= 1, got {value!r}")
 
 
 def _is_integer(value: Any) -> bool:

@@ -13,44 +13,27 @@ Every file is complete or not there at all: it is written beside its place, and 
 episodes.csv grows; it is cut back to where the checkpoint was.
 """
 
-import csv
 import fcntl
-import io
-import json
-import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from agents.experiment.arms import ARMS
 from agents.experiment.config import Experiment, Options, experiment_from_dict, to_dict
+from agents.experiment.files import write_yaml
 
 
-def spelled(jobs: Iterable[tuple[str, int]]) -> str:
+def jobs_in_words(jobs: Iterable[tuple[str, int]]) -> str:
     """Every (arm, seed) in few words, as "none, shield with seeds 0 to 9; tracker with seed 0"."""
     seeds: dict[str, list[int]] = {}
     for arm, seed in jobs:
         seeds.setdefault(arm, []).append(seed)
     arms: dict[str, list[str]] = {}
     for arm, own in seeds.items():
-        arms.setdefault(_spelled_seeds(sorted(own)), []).append(arm)
-    return "; ".join(f"{', '.join(names)} with {told}" for told, names in arms.items())
-
-
-def _spelled_seeds(seeds: list[int]) -> str:
-    stretches: list[list[int]] = []
-    for seed in seeds:
-        if stretches and seed == stretches[-1][-1] + 1:
-            stretches[-1].append(seed)
-        else:
-            stretches.append([seed])
-    told = (f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in stretches)
-    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(told)}"
+        arms.setdefault(_seeds_in_words(sorted(own)), []).append(arm)
+    return "; ".join(f"{', '.join(names)} with {which}" for which, names in arms.items())
 
 
 @dataclass(frozen=True)
@@ -101,11 +84,11 @@ def create_run(experiment: Experiment, options: Options, provenance: Mapping[str
     return run
 
 
-def begin(experiment: Experiment, options: Options, provenance: Mapping[str, Any]) -> Run:
+def begin_run(experiment: Experiment, options: Options, provenance: Mapping[str, Any]) -> Run:
     """A new run, or the one that ``options`` says to go on with, with its records written."""
     if options.trained_agent is None:
         return create_run(experiment, options, provenance)
-    run = extended(open_run(options.trained_agent), experiment)
+    run = extended_run(open_run(options.trained_agent), experiment)
     write_records(run, options, provenance)
     return run
 
@@ -117,7 +100,7 @@ def write_records(run: Run, options: Options, provenance: Mapping[str, Any]) -> 
     write_yaml(run.folder / "provenance.yml", provenance)
 
 
-def extended(old: Run, experiment: Experiment) -> Run:
+def extended_run(old: Run, experiment: Experiment) -> Run:
     """The run with the arms and seeds of an experiment that has at least its own.
 
     Raises:
@@ -174,91 +157,6 @@ def open_run(folder: str | Path) -> Run:
     return Run(Path(folder), experiment_from_dict(table))
 
 
-def write_safely(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Put a file in its place in one move: a crash at any moment leaves the old one or the new one whole.
-
-    Raises:
-        OSError: naming the file, if it could not be written; the old one is intact then.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with failures_name(path):
-            with temporary.open("wb") as file:
-                write(file)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-            _sync_folder(path.parent)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-@contextmanager
-def failures_name(path: Path) -> Iterator[None]:
-    """While entered, an OSError says which file could not be written, and that no harm was done."""
-    try:
-        yield
-    except OSError as error:
-        reason = f"{path} could not be written: {error.strerror or error}; what was saved before is intact"
-        raise OSError(reason) from error
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a move outlast a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_text(path: Path, text: str) -> None:
-    """A text file, in one move."""
-    write_safely(path, lambda file: file.write(text.encode("utf-8")))
-
-
-def write_yaml(path: Path, table: Mapping[str, Any]) -> None:
-    """A YAML file, in one move."""
-    import yaml
-
-    write_text(path, yaml.safe_dump(dict(table), sort_keys=False, allow_unicode=True))
-
-
-def write_json(path: Path, value: Any) -> None:
-    """A JSON file, in one move."""
-    write_text(path, json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
-
-
-def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """A CSV file, in one move."""
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([header, *rows])
-    write_text(path, text.getvalue())
-
-
-def read_json(path: Path) -> Any:
-    """The value of a JSON file."""
-    return json.loads(path.read_text(encoding="utf-8"))
-
-
-def read_csv(path: Path, dtype: np.dtype) -> NDArray[np.void]:
-    """The columns of a CSV file that ``dtype`` names, as a structured array; an empty number is NaN."""
-    with path.open(encoding="utf-8", newline="") as file:
-        rows = list(csv.DictReader(file))
-    table = np.zeros(len(rows), dtype)
-    for name in dtype.names or ():
-        values = [row[name] for row in rows]
-        match dtype[name].kind:
-            case "b":
-                table[name] = [value == "True" for value in values]
-            case "f":
-                table[name] = [value or "nan" for value in values]
-            case _:
-                table[name] = values
-    return table
-
-
 def _first_free(parent: Path, name: str) -> Path:
     parent.mkdir(parents=True, exist_ok=True)
     n = 1
@@ -269,3 +167,14 @@ def _first_free(parent: Path, name: str) -> Path:
             return folder
         except FileExistsError:
             n += 1
+
+
+def _seeds_in_words(seeds: list[int]) -> str:
+    stretches: list[list[int]] = []
+    for seed in seeds:
+        if stretches and seed == stretches[-1][-1] + 1:
+            stretches[-1].append(seed)
+        else:
+            stretches.append([seed])
+    words = (f"{part[0]} to {part[-1]}" if len(part) > 1 else str(part[0]) for part in stretches)
+    return f"seed{'s' if len(seeds) > 1 else ''} {', '.join(words)}"

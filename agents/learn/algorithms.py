@@ -14,9 +14,10 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.experiment.build import make_vector_env
 from agents.experiment.config import Experiment, Options
-from agents.experiment.runs import Run, write_safely
+from agents.experiment.environments import make_vector_env
+from agents.experiment.files import write_safely
+from agents.experiment.runs import Run
 from agents.learn.sb3_vec import Sb3VectorEnv
 from quadsafe_core.checks import one_of
 

@@ -70,9 +70,9 @@ class EpisodeCounter:
         np.minimum(episodes["clearance"], info["clearance"], out=episodes["clearance"])
         for name in ENDINGS:
             episodes[name] |= info[name]
-        told = shield_in(info)
-        if told is not None:
-            self._add_shield(told)
+        shield = shield_in(info)
+        if shield is not None:
+            self._add_shield(shield)
         ended = terminated | truncated
         if not ended.any():
             self._note_speed(observations)
@@ -92,13 +92,13 @@ class EpisodeCounter:
         self._open[:], self._speed[:] = snapshot["open"], snapshot["speed"]
         self._intervened[:] = snapshot["intervened"]
 
-    def _add_shield(self, told: dict[str, NDArray]) -> None:
-        episodes, intervened = self._open, told["intervened"]
+    def _add_shield(self, shield: dict[str, NDArray]) -> None:
+        episodes, intervened = self._open, shield["intervened"]
         episodes["interventions"] += intervened
         episodes["segments"] += intervened & ~self._intervened
-        episodes["correction"] += told["correction"]
-        np.maximum(episodes["largest_correction"], told["correction"], out=episodes["largest_correction"])
-        episodes["fallbacks"] += told["fallback"]
+        episodes["correction"] += shield["correction"]
+        np.maximum(episodes["largest_correction"], shield["correction"], out=episodes["largest_correction"])
+        episodes["fallbacks"] += shield["fallback"]
         self._intervened[:] = intervened
 
     def _note_speed(self, observations: NDArray) -> None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
-from agents.experiment.build import make_vector_env, of_arm
-from agents.experiment.runs import Run, write_csv
+from agents.experiment.environments import make_vector_env, of_arm
+from agents.experiment.files import write_csv
+from agents.experiment.runs import Run
 from agents.learn.algorithms import load_policy
 from agents.learn.episodes import EPISODE, EpisodeCounter
 from agents.tracking import Tracker
@@ -50,18 +51,6 @@ def agent_of(run: Run, arm: str, seed: int, env: VectorEnv) -> Agent:
     if ARMS[arm].agent == "tracker":
         return _Planned(env)
     return RandomActions(seed) if ARMS[arm].agent == "random" else load_policy(run, arm, seed)
-
-
-class _Planned:
-    """A tracker that plans when the first observation comes: not before the env is reset."""
-
-    def __init__(self, env: VectorEnv):
-        self._env, self._tracker = env, None
-
-    def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, None]:
-        """Actions (N, 4) of the tracker."""
-        self._tracker = self._tracker or Tracker(self._env)
-        return self._tracker.predict(observation, deterministic=deterministic)[0], None
 
 
 def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]:
@@ -107,3 +96,15 @@ def evaluate_run(run: Run, eval_episodes: int | None = None, num_threads: int = 
         raise FileNotFoundError(f"run must hold a trained policy, got none in {run.folder}")
     for arm, seed in tqdm(jobs, desc="flying", unit=" agents", delay=2.0, disable=None):
         evaluate(run, arm, seed, run.experiment.eval_episodes if eval_episodes is None else eval_episodes)
+
+
+class _Planned:
+    """A tracker that plans when the first observation comes: not before the env is reset."""
+
+    def __init__(self, env: VectorEnv):
+        self._env, self._tracker = env, None
+
+    def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, None]:
+        """Actions (N, 4) of the tracker."""
+        self._tracker = self._tracker or Tracker(self._env)
+        return self._tracker.predict(observation, deterministic=deterministic)[0], None

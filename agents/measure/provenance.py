@@ -7,8 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from agents.experiment.build import make_vector_env
 from agents.experiment.config import Experiment
+from agents.experiment.environments import make_vector_env
 from agents.measure.evaluate import held_out_scenes
 
 PACKAGES = ("quadsafe", "gymnasium", "stable-baselines3", "torch", "numpy", "scipy", "numba")

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.experiment.arms import ARMS
-from agents.experiment.runs import Run, read_csv, read_json
+from agents.experiment.files import read_csv, read_json
+from agents.experiment.runs import Run
 from agents.learn.episodes import EPISODE
 from agents.measure.evaluate import FLIGHT
 from agents.measure.statistics import exact_bounds, over_seeds, paired

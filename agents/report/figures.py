@@ -11,8 +11,8 @@ from plotly.subplots import make_subplots
 from agents.experiment.arms import ARMS
 from agents.measure.results import REFERENCE
 from agents.report.curves import Curve
-from agents.report.looks import COLORS, INK, PAPER, QUIET, WIDTH, blank, dressed, faint
-from agents.report.tables import interval
+from agents.report.rates import interval
+from agents.report.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 
 Row = dict[str, Any]
 FLOWN = {"off": "flown without the shield", "on": "flown with the shield"}
@@ -62,7 +62,7 @@ def clearances(flights: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> go.F
         flights: of each arm, the least clearance of each flight, m, by "off" and "on".
     """
     figure = make_subplots(2, 1, shared_xaxes=True, vertical_spacing=0.1, subplot_titles=list(FLOWN.values()))
-    dressed(figure, 620, margin_t=70)
+    styled(figure, 620, margin_t=70)
     for row, flown in enumerate(FLOWN, start=1):
         for arm, by_way in flights.items():
             figure.add_trace(_distribution(arm, by_way[flown], row == 1), row, 1)
@@ -76,10 +76,10 @@ def clearances(flights: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> go.F
 def forest(rows: list[Row]) -> go.Figure:
     """Rates of collision and success on held-out flights, and their paired differences, with intervals."""
     arms = list(dict.fromkeys(row["arm"] for row in rows))[::-1]
-    told = {name: title for name, title in MEASURES.items() if any(_is_told(row, name) for row in rows)}
-    figure = make_subplots(1, len(told), shared_yaxes=True, horizontal_spacing=0.03)
-    dressed(figure, 130 + 52 * len(arms))
-    for column, (measure, title) in enumerate(told.items(), start=1):
+    shown = {name: title for name, title in MEASURES.items() if any(_is_known(row, name) for row in rows)}
+    figure = make_subplots(1, len(shown), shared_yaxes=True, horizontal_spacing=0.03)
+    styled(figure, 130 + 52 * len(arms))
+    for column, (measure, title) in enumerate(shown.items(), start=1):
         for row in rows:
             figure.add_trace(_whisker(row, measure, arms.index(row["arm"])), 1, column)
         figure.update_xaxes(title_text=title, row=1, col=column)
@@ -103,7 +103,9 @@ def _add_curve(figure: go.Figure, arm: str, curve: Curve, dash: str = SOLID) -> 
     common = {"legendgroup": arm, "name": ARMS[arm].title}
     if known.any():
         hidden = {"showlegend": False, "hoverinfo": "skip", "mode": "lines", "line_width": 0}
-        figure.add_scatter(x=around, y=band, fill="toself", fillcolor=faint(color, 0.16), **hidden, **common)
+        figure.add_scatter(
+            x=around, y=band, fill="toself", fillcolor=translucent(color, 0.16), **hidden, **common
+        )
     line = {"color": color, "width": WIDTH, "dash": dash}
     figure.add_scatter(x=curve.steps, y=curve.middle, mode="lines", line=line, showlegend=False, **common)
     # In the legend every line is whole.
@@ -127,7 +129,7 @@ def _distribution(arm: str, clearance: NDArray[np.float64], is_in_legend: bool) 
 def _whisker(row: Row, measure: str, place: int) -> go.Scatter:
     """A value with its interval, in per cent; nothing where there is none."""
     value = row[measure]
-    if not _is_told(row, measure):
+    if not _is_known(row, measure):
         return go.Scatter(x=[None], y=[None], showlegend=False)
     low, high = _ends(row, measure)
     return go.Scatter(
@@ -147,7 +149,7 @@ def _whisker(row: Row, measure: str, place: int) -> go.Scatter:
     )
 
 
-def _is_told(row: Row, measure: str) -> bool:
+def _is_known(row: Row, measure: str) -> bool:
     """Whether there is such a value; the difference of the reference to itself is none."""
     is_itself = measure.endswith("difference") and (row["arm"], row["flown"]) == REFERENCE
     return row[measure] is not None and not is_itself

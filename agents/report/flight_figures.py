@@ -7,8 +7,8 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from agents.report.looks import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, dressed, faint
-from agents.report.trace import AXES, Trace, vectors
+from agents.measure.trace import AXES, Trace, vectors
+from agents.report.style import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
 
 AROUND, DOWN = 48, 24  # vertices of a sphere
 LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
@@ -54,7 +54,7 @@ def timeline(trace: Trace) -> go.Figure:
     """Desired and applied snap over the flight with the shield, and the clearance of both flights."""
     steps, time = trace.shielded, trace.shielded["time"]
     figure = make_subplots(4, 1, shared_xaxes=True, vertical_spacing=0.035)
-    dressed(figure, 760)
+    styled(figure, 760)
     desired, applied = vectors(steps, "snap_desired"), vectors(steps, "snap_applied")
     for i, axis in enumerate(AXES):
         for snap, name, color, dash in (
@@ -72,7 +72,7 @@ def timeline(trace: Trace) -> go.Figure:
         figure.add_trace(clearance.update(line={"color": color, "width": WIDTH}), 4, 1)
     figure.add_hline(0.0, line={"color": INK, "width": 1.2}, row=4, col=1)  # pyright: ignore
     for start, end in acting(trace):
-        figure.add_vrect(start, end, fillcolor=faint(ACTS, 0.28), line_width=0, layer="below")
+        figure.add_vrect(start, end, fillcolor=translucent(ACTS, 0.28), line_width=0, layer="below")
     figure.add_trace(_shade_in_legend(), 1, 1)
     figure.update_yaxes(title_text="clearance, m", row=4, col=1)
     return figure.update_xaxes(title_text="time, s", row=4, col=1)
@@ -89,11 +89,6 @@ def pieces(points: NDArray, is_drawn: NDArray[np.bool_]) -> NDArray[np.float64]:
     gap = np.full((1, 3), np.nan)
     parts = [part for a, b in _stretches(is_drawn) for part in (points[a : b + 1], gap)]
     return np.concatenate(parts) if parts else gap
-
-
-def _stretches(chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """First step of every stretch of chosen ones, and the first after it, (n, 2)."""
-    return np.flatnonzero(np.diff(chosen.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)
 
 
 def collision(trace: Trace) -> NDArray[np.float64] | None:
@@ -123,15 +118,6 @@ def spheres(center: NDArray, radius: list[float], name: str, opacity: float) -> 
     return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **mesh)
 
 
-def _unit_sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, 3), and the points at the corners of its triangles (T, 3)."""
-    around, down = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, AROUND), np.linspace(0.0, np.pi, DOWN))
-    normal = np.stack([np.cos(around) * np.sin(down), np.sin(around) * np.sin(down), np.cos(down)], axis=-1)
-    first = (np.arange(DOWN - 1)[:, None] * AROUND + np.arange(AROUND - 1)).ravel()
-    square = first[:, None] + np.array([0, 1, AROUND, AROUND + 1])
-    return normal.reshape(-1, 3), np.concatenate([square[:, [0, 2, 1]], square[:, [1, 2, 3]]])
-
-
 def _path(points: NDArray, name: str, color: str, width: float) -> go.Scatter3d:
     x, y, z = points.T
     return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, line={"color": color, "width": width})
@@ -159,5 +145,19 @@ def _eye(start: list[float], goal: list[float]) -> dict[str, float]:
 
 
 def _shade_in_legend() -> go.Scatter:
-    marker = {"symbol": "square", "size": 14, "color": faint(ACTS, 0.4)}
+    marker = {"symbol": "square", "size": 14, "color": translucent(ACTS, 0.4)}
     return go.Scatter(x=[None], y=[None], mode="markers", name="the shield acts", marker=marker)
+
+
+def _unit_sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points (P, 3), and the points at the corners of its triangles (T, 3)."""
+    around, down = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, AROUND), np.linspace(0.0, np.pi, DOWN))
+    normal = np.stack([np.cos(around) * np.sin(down), np.sin(around) * np.sin(down), np.cos(down)], axis=-1)
+    first = (np.arange(DOWN - 1)[:, None] * AROUND + np.arange(AROUND - 1)).ravel()
+    square = first[:, None] + np.array([0, 1, AROUND, AROUND + 1])
+    return normal.reshape(-1, 3), np.concatenate([square[:, [0, 2, 1]], square[:, [1, 2, 3]]])
+
+
+def _stretches(chosen: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """First step of every stretch of chosen ones, and the first after it, (n, 2)."""
+    return np.flatnonzero(np.diff(chosen.astype(np.int8), prepend=0, append=0)).reshape(-1, 2)

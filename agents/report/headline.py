@@ -6,7 +6,7 @@ their paired difference, where there is one, leaves out zero.
 
 from typing import Any
 
-from agents.report.tables import at_least, at_most, digits, interval, middle
+from agents.report.rates import in_words
 
 Row = dict[str, Any]
 Rows = dict[tuple[str, str, str], Row]
@@ -44,16 +44,6 @@ def collided(row: Row, of: str = "") -> str:
 def arrived(row: Row, of: str = "") -> str:
     """As ``collided``, of the episodes that reached the goal."""
     return f"{row['successes']:,} of {row['episodes']:,}{of} ({in_words(row, 'success_rate')})"
-
-
-def in_words(row: Row, rate: str) -> str:
-    """A rate and its interval: "15.0 %, 3.2 to 37.9", "at most 14.0 %", "at least 86.0 %"."""
-    if row[f"{rate}_least"] == 0.0:
-        return f"at most {at_most(row[f'{rate}_most'])} %"
-    if row[f"{rate}_most"] == 1.0:
-        return f"at least {at_least(row[f'{rate}_least'])} %"
-    low, high = interval(row, rate)
-    return f"{digits(middle(row, rate))} %, {digits(low)} to {digits(high)}"
 
 
 def is_shown(row: Row, other: Row, rate: str) -> bool:

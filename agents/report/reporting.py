@@ -5,12 +5,13 @@ from typing import Any
 
 from tqdm import tqdm
 
-from agents.experiment.runs import Run, write_csv, write_text
+from agents.experiment.files import write_csv, write_text
+from agents.experiment.runs import Run
 from agents.measure import results
 from agents.report import tables
 from agents.report.headline import headline
-from agents.report.page import page
-from agents.report.plates import plates
+from agents.report.html_page import html_page
+from agents.report.run_figures import run_figures
 
 RECORDS = {"config.yml": "Settings", "provenance.yml": "Versions and scenes"}
 
@@ -39,7 +40,7 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
         f"Training, {experiment.n_timesteps:,} steps a seed": (tables.training_table, "training"),
         "Held-out flights, the same scenes for every agent": (tables.evaluation_table, "evaluation"),
     }
-    return page(
+    return html_page(
         title=f"{experiment.env}, without and with the shield",
         subtitle=tables.subject(run),
         headline=headline(rows),
@@ -48,7 +49,7 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
             for title, (table, phase) in by_phase.items()
             if (chosen := [row for row in rows if row["phase"] == phase])
         },
-        plates=plates(run, rows),
+        figures=run_figures(run, rows),
         note=" ".join(tables.NOTE.split()),
         records={name: path.read_text(encoding="utf-8") for name, path in files.items() if path.exists()},
     )

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.experiment.runs import write_safely
+from agents.experiment.files import write_safely
 from quadsafe_core.checks import one_of
 
 KINDS = (".webp", ".gif", ".mp4")
@@ -65,9 +65,11 @@ def _write_mp4(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> i
     try:
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             count = _feed(process, first, frames)
-            _, told = process.communicate()
+            _, stderr = process.communicate()
         if process.returncode != 0:
-            raise OSError(f"{path} could not be written: ffmpeg says {told.decode(errors='replace').strip()!r}")
+            raise OSError(
+                f"{path} could not be written: ffmpeg says {stderr.decode(errors='replace').strip()!r}"
+            )
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)

@@ -8,10 +8,10 @@ import numpy as np
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
-from agents.experiment.build import make_env, of_arm
-from agents.experiment.runs import Run, spelled
+from agents.experiment.environments import make_env, of_arm
+from agents.experiment.runs import Run, jobs_in_words
 from agents.measure.evaluate import Agent, agent_of, held_out_scenes
-from agents.report.trace import chosen
+from agents.measure.trace import chosen_scene
 from agents.report.video import check_video, write_video
 from quadsafe_env.settings import scene_integer
 from shields.slot.info import shield_in
@@ -51,8 +51,8 @@ class Flight:
 
     def _count(self, info: dict[str, Any], is_over: bool) -> None:
         self._steps += 1
-        told = shield_in(info)
-        self._acted += told is not None and told["intervened"]
+        shield = shield_in(info)
+        self._acted += shield is not None and shield["intervened"]
         self._clearance = min(self._clearance, info["clearance"])
         if is_over:
             self._end = next((end for key, end in ENDS.items() if info[key]), "ran out of time")
@@ -121,10 +121,10 @@ def chosen_flight(run: Run, arm: str | None, seed: int | None, scene: int | None
     jobs = [job for job in run.experiment.jobs() if run.is_trained(*job)]
     if not jobs:
         raise FileNotFoundError(f"run must hold a trained policy, got none in {run.folder}")
-    own_arm, own_seed, own_scene = chosen(run) or (*jobs[0], held_out_scenes(1)[0])
+    own_arm, own_seed, own_scene = chosen_scene(run) or (*jobs[0], held_out_scenes(1)[0])
     arm = own_arm if arm is None else arm
     if seed is None:
         seed = own_seed if (arm, own_seed) in jobs else next((s for a, s in jobs if a == arm), 0)
     if (arm, seed) not in jobs:
-        raise ValueError(f"arm and seed must be of {spelled(jobs)} in {run.folder}, got {arm} {seed}")
+        raise ValueError(f"arm and seed must be of {jobs_in_words(jobs)} in {run.folder}, got {arm} {seed}")
     return arm, seed, own_scene if scene is None else scene_integer("scene", scene)

@@ -21,7 +21,7 @@ from typing import Any
 
 from agents.experiment.config import Options, to_dict
 from agents.experiment.runs import Run, open_run, sole_use
-from agents.train.engines import Job, at_a_time, attempt
+from agents.train.jobs import Job, at_a_time, attempt
 
 RETRIES = 20  # nodes that a job may lose
 PATIENCE = 10.0  # s, for an answer at the address

@@ -12,9 +12,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 
-from agents.experiment.build import make_training_env
 from agents.experiment.config import Options
-from agents.experiment.runs import Run, failures_name, sole_use, write_csv, write_json
+from agents.experiment.environments import make_training_env
+from agents.experiment.files import failures_name, write_csv, write_json
+from agents.experiment.runs import Run, sole_use
 from agents.learn.algorithms import make_model, save_policy
 from agents.learn.checkpoint import load_checkpoint, save_checkpoint
 from agents.learn.episodes import EPISODE
@@ -47,26 +48,26 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
     folder = run.folder_of(arm, seed)
     env = Sb3VectorEnv(make_training_env(run.experiment, arm))
     model = make_model(run.experiment, env, seed, options.device)
-    table, tally = ProgressTable(), Tally()
+    table, counter = ProgressTable(), EpisodeCallback()
     model.set_logger(Logger(None, [table, *_tensorboard(options, f"{run.folder.name}/{folder.name}")]))
     with EpisodeFile(folder / "episodes.csv") as episodes:
-        keeper = Keeper(folder, model, run, options.save_freq, table, tally, episodes)
-        keeper.restore()
+        checkpoints = CheckpointCallback(folder, model, run, options.save_freq, table, counter, episodes)
+        checkpoints.restore()
         left = run.experiment.n_timesteps - model.num_timesteps
-        no_logs: Any = None  # the keeper asks for them
-        model.learn(left, callback=[tally, keeper], log_interval=no_logs, reset_num_timesteps=False)
-        keeper.log()
+        no_logs: Any = None  # the checkpoints asks for them
+        model.learn(left, callback=[counter, checkpoints], log_interval=no_logs, reset_num_timesteps=False)
+        checkpoints.log()
         model.logger.close()
-        if keeper.is_stopped:
+        if checkpoints.is_stopped:
             return
-        episodes.add(tally.take_rows())
+        episodes.add(counter.take_rows())
     table.write_to(folder / "progress.csv")
-    write_json(folder / "training.json", keeper.record())
+    write_json(folder / "training.json", checkpoints.record())
     save_policy(folder / "policy.pt", model.policy)
     (folder / CHECKPOINT).unlink(missing_ok=True)
 
 
-class Tally(BaseCallback):
+class EpisodeCallback(BaseCallback):
     """Counts every episode of a training, and logs the counts.
 
     ``recent`` holds the last episodes; ``counts`` is what is counted, ``counts["seconds"]`` not by this class.
@@ -120,7 +121,7 @@ class Tally(BaseCallback):
         self.counts, self.recent = snapshot["counts"], snapshot["recent"]
 
 
-class Keeper(BaseCallback):
+class CheckpointCallback(BaseCallback):
     """Saves a training between rollouts, every so many steps and when it is to stop, and then ends it."""
 
     def __init__(
@@ -130,14 +131,14 @@ class Keeper(BaseCallback):
         run: Run,
         save_freq: int,
         table: "ProgressTable",
-        tally: Tally,
+        counter: EpisodeCallback,
         episodes: "EpisodeFile",
     ):
         super().__init__()
         self.is_stopped = False
         self._folder, self._learner, self._save_freq = folder, model, save_freq
         self._log_freq, self._stop_file = run.experiment.n_timesteps / ROWS, run.stop_file
-        self._table, self._tally, self._episodes = table, tally, episodes
+        self._table, self._counter, self._episodes = table, counter, episodes
         self._saved_at, self._seconds_before = 0, 0.0
         self._started = self._shown = time.perf_counter()
 
@@ -148,7 +149,7 @@ class Keeper(BaseCallback):
             self._episodes.cut(0)
             return
         counted = load_checkpoint(path, self._learner)
-        self._tally.restore(counted["tally"])
+        self._counter.restore(counted["tally"])
         self._table.rows = counted["table"]
         self._episodes.cut(counted["episode_bytes"])
         self._saved_at, self._seconds_before = self._learner.num_timesteps, counted["seconds"]
@@ -157,7 +158,7 @@ class Keeper(BaseCallback):
         """What this training was, in numbers."""
         seconds, steps = self._seconds(), self._learner.num_timesteps
         rate = {"seconds": round(seconds, 3), "steps_per_second": round(steps / seconds)}
-        return {"timesteps": steps, **self._tally.counts, **rate}
+        return {"timesteps": steps, **self._counter.counts, **rate}
 
     def log(self) -> None:
         """Add a row to the table, if there is anything new."""
@@ -181,9 +182,9 @@ class Keeper(BaseCallback):
 
     def _save(self) -> None:
         counted = {
-            "tally": self._tally.snapshot(),
+            "tally": self._counter.snapshot(),
             "table": self._table.rows,
-            "episode_bytes": self._episodes.add(self._tally.take_rows()),
+            "episode_bytes": self._episodes.add(self._counter.take_rows()),
             "seconds": self._seconds(),
         }
         save_checkpoint(self._folder / CHECKPOINT, self._learner, counted)

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from gymnasium.vector import VectorWrapper
 
-from agents.experiment.build import make_vector_env
 from agents.experiment.config import HYPERPARAMS, Experiment
+from agents.experiment.environments import make_vector_env
 from agents.learn.algorithms import make_model, read_policy, save_policy
 from agents.learn.sb3_vec import Sb3VectorEnv
 from safety_campaign.attacks import SnapAttack

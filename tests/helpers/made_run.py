@@ -6,10 +6,11 @@ import numpy as np
 
 from agents.experiment.arms import ARMS
 from agents.experiment.config import Experiment, to_dict
-from agents.experiment.runs import Run, write_csv, write_json, write_text, write_yaml
+from agents.experiment.files import write_csv, write_json, write_text, write_yaml
+from agents.experiment.runs import Run
 from agents.learn.episodes import EPISODE
 from agents.measure.evaluate import FLIGHT, held_out_scenes
-from agents.report.trace import HEADER, NO_SNAPS
+from agents.measure.trace import HEADER, NO_SNAPS
 
 STEPS, EPISODES, FLIGHTS, PERIOD = 20_000, 120, 40, 0.04
 

@@ -1,9 +1,7 @@
 """The measurements behind docs/robustness.md: a short run of every part, and the page against its data."""
 
-import importlib
-
 import pytest
-from house import ROOT
+from house import script
 
 SAMPLE = (
     *("chain all told 50 1", "chain all untold 50 1", "cost wind told 50 0", "body all told 50 1"),
@@ -14,9 +12,8 @@ SAMPLE = (
 
 @pytest.fixture(scope="module")
 def bench():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "benchmarks")
-        yield importlib.import_module("robustness")
+    with script("benchmarks", "robustness") as module:
+        yield module
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,8 @@
 """The safety campaign in short: attacks, flights among many spheres, the bare chain, with counter-cases."""
 
-import importlib
-
 import numpy as np
 import pytest
-from house import ROOT
+from house import ROOT, script
 
 # One interface and rate for each attack; together they cover both ends of the rates and every interface.
 CASES = (
@@ -22,9 +20,8 @@ YAW_VEHICLES = ("moon off sphere", "J_z > 2 J_x off sphere", "crazyflie loss 0.9
 
 @pytest.fixture(scope="module")
 def safety():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(ROOT / "benchmarks")
-        yield importlib.import_module("safety")
+    with script("benchmarks", "safety") as module:
+        yield module
 
 
 @pytest.fixture(scope="module")

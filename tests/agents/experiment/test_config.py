@@ -14,7 +14,7 @@ from house import ROOT
 from agents.experiment.arms import ARMS
 from agents.experiment.command_line import Evaluate, Report, Train, parse
 from agents.experiment.config import Experiment, Options, experiment_from_dict, to_dict
-from agents.experiment.runs import Run, create_run, extended, open_run
+from agents.experiment.runs import Run, create_run, extended_run, open_run
 
 UNUSUAL = Experiment(
     env="QuadSafe/Flight-v0",
@@ -105,7 +105,7 @@ def test_going_on_with_a_run_keeps_its_settings(tmp_path):
     words = ["-i", str(run.folder)]
     assert parse(words).experiment == UNUSUAL
     more = parse([*words, "--arms", "none", "shield", "--n-seeds", "4"]).experiment
-    assert extended(run, more) == Run(run.folder, more) and len(more.jobs()) == 8
+    assert extended_run(run, more) == Run(run.folder, more) and len(more.jobs()) == 8
 
 
 @pytest.mark.parametrize(
@@ -123,7 +123,7 @@ def test_going_on_with_a_run_keeps_its_settings(tmp_path):
 def test_what_does_not_go_on_with_a_run(tmp_path, words, sentence):
     run = create_run(UNUSUAL, Options(log_folder=tmp_path), {})
     with pytest.raises(ValueError) as caught:
-        extended(run, parse(["-i", str(run.folder), *words]).experiment)
+        extended_run(run, parse(["-i", str(run.folder), *words]).experiment)
     assert str(caught.value) == sentence.format(run.folder)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from stable_baselines3.common.evaluation import evaluate_policy
 
-from agents.experiment.build import CollisionPenalty, checked, make_vector_env
 from agents.experiment.config import Experiment, Options
+from agents.experiment.environments import CollisionPenalty, checked, make_vector_env
 from agents.experiment.runs import create_run
 from agents.learn.algorithms import SCENES_PER_SEED
 from agents.learn.episodes import EPISODE, EpisodeCounter
@@ -15,7 +15,8 @@ from agents.learn.sb3_vec import Sb3VectorEnv
 from agents.measure.evaluate import FIRST_HELD_OUT, evaluate, evaluate_run, fly, held_out_scenes
 from agents.measure.results import flights, summary
 from agents.measure.statistics import exact_bounds
-from agents.report.tables import aligned, percentage
+from agents.report.rates import percentage
+from agents.report.tables import aligned
 
 AVOID = Experiment()
 SCENES = held_out_scenes(20)

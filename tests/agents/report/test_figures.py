@@ -1,18 +1,17 @@
 """Curves and figures of a report, against numbers computed anew from the CSV files."""
 
-import csv
-
 import numpy as np
 import plotly.graph_objects as go
 import pytest
 from made_run import EPISODES, FLIGHTS, STEPS, made_run
+from run_files import table
 
 from agents.measure import results
 from agents.measure.statistics import iqm
+from agents.measure.trace import read_trace
 from agents.report import curves, figures, flight_figures
-from agents.report.looks import COLORS
-from agents.report.plates import plates
-from agents.report.trace import read_trace
+from agents.report.run_figures import run_figures
+from agents.report.style import COLORS
 
 ARMS = ("none", "collision-penalty", "shield", "tracker")
 
@@ -24,13 +23,8 @@ def run(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def drawn(run):
-    found = plates(run, results.result_rows(results.seed_rows(run)))
-    return {plate.name: plate for plate in found}
-
-
-def table(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
+    found = run_figures(run, results.result_rows(results.seed_rows(run)))
+    return {drawing.name: drawing for drawing in found}
 
 
 def traces(figure, **having) -> list[go.Scatter]:
@@ -201,13 +195,13 @@ def test_a_run_has_the_figures_that_it_has_data_for(tmp_path):
     }
     for name, (having, expected) in cases.items():
         run = made_run(tmp_path / name, **having)
-        found = plates(run, results.result_rows(results.seed_rows(run)))
+        found = run_figures(run, results.result_rows(results.seed_rows(run)))
         assert [plate.name for plate in found] == expected, name
 
 
 def test_without_a_reference_no_differences_are_drawn(tmp_path):
     run = made_run(tmp_path, arms=("shield",), is_traced=False)
-    forest = {p.name: p for p in plates(run, results.result_rows(results.seed_rows(run)))}["forest"].figure
+    forest = {p.name: p for p in run_figures(run, results.result_rows(results.seed_rows(run)))}["forest"].figure
     assert [axis.title.text for axis in forest.select_xaxes()] == list(figures.MEASURES.values())[:2]
 
 

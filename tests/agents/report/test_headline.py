@@ -4,7 +4,7 @@ import pytest
 
 from agents.measure.results import MEASURES, result_rows
 from agents.report.headline import against, arrived, collided, headline, is_shown, shifted
-from agents.report.tables import at_least, at_most, interval, percentage
+from agents.report.rates import at_least, at_most, interval, percentage
 
 
 def row(arm, flown, violations, successes, episodes, phase="evaluation", seed=0, **more):

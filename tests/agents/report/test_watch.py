@@ -13,7 +13,8 @@ import train
 from agents.experiment import runs
 from agents.experiment.arms import ARMS
 from agents.experiment.config import Experiment
-from agents.report import trace, video
+from agents.measure import trace
+from agents.report import video
 from quadsafe_env.pictures import window
 
 TINY = shlex.split(
@@ -99,8 +100,8 @@ def test_the_agents_of_a_large_run_are_told_in_few_words():
     jobs = Experiment(arms=tuple(ARMS), n_seeds=10).jobs()
     assert len(jobs) == 61
     trained = "none, collision-penalty, shield, shield-penalty, cbf, random with seeds 0 to 9"
-    assert runs.spelled(jobs) == f"{trained}; tracker with seed 0"
-    assert runs.spelled([("none", 7), ("none", 2), ("none", 3)]) == "none with seeds 2 to 3, 7"
+    assert runs.jobs_in_words(jobs) == f"{trained}; tracker with seed 0"
+    assert runs.jobs_in_words([("none", 7), ("none", 2), ("none", 3)]) == "none with seeds 2 to 3, 7"
 
 
 def test_a_policy_that_was_not_trained_cannot_be_loaded(run):

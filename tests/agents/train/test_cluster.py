@@ -18,7 +18,7 @@ from agents.experiment import runs
 from agents.experiment.config import Experiment, Options
 from agents.experiment.runs import Run
 from agents.train import cluster
-from agents.train.display import last_row
+from agents.train.progress_bar import last_row
 
 needs_ray = pytest.mark.skipif(find_spec("ray") is None, reason="needs the extra [ray]")
 
@@ -116,6 +116,7 @@ def learned(job):
 
 
 @needs_ray
+@pytest.mark.slow
 def test_a_training_goes_on_at_another_node_when_its_node_dies_and_learns_the_same(tmp_path):
     assert train.main([*SHORT, "-f", str(tmp_path / "local")]) == 0
     local, job = (tmp_path / name / "QuadSafe-Avoid-v0_1" / "shield_seed0" for name in ("local", "ray"))
@@ -138,6 +139,7 @@ def test_a_training_goes_on_at_another_node_when_its_node_dies_and_learns_the_sa
 
 
 @needs_ray
+@pytest.mark.slow
 def test_ray_of_this_machine_has_no_dashboard_and_refuses_who_has_not_its_token(tmp_path):
     with held(RUN + HELD + NOTHING, RAY_AUTH_TOKEN=TOKEN) as (process, said):
         address, dashboard = json.loads(said)

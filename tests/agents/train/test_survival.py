@@ -1,38 +1,35 @@
 """Trainings that are interrupted, killed, out of disk or tampered with: the last interval is all they lose."""
 
-import hashlib
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
 from house import ROOT
+from run_files import Payload, weights
 
-from agents.experiment.build import checked
+import train
 from agents.experiment.config import Experiment, Options
-from agents.experiment.runs import Run, create_run, open_run, read_json, sole_use
+from agents.experiment.environments import checked
+from agents.experiment.files import read_json
+from agents.experiment.runs import Run, create_run, sole_use
 from agents.learn.checkpoint import load_checkpoint
 from agents.train import training
 
 SMALL = {"n_envs": 8, "n_steps": 16, "batch_size": 64, "n_epochs": 1}
 REPLAYING = {"n_envs": 4, "learning_starts": 60, "batch_size": 32, "gradient_steps": 1}
+ARMS, NAME = ("none", "shield"), "QuadSafe-Avoid-v0_1"
 EVERY = 128  # steps between two checkpoints, one rollout of SMALL
 WORDS = shlex.split(
     f"-n 6400 --eval-episodes 3 --save-freq {EVERY} --hyperparams n_envs:8 n_steps:16 batch_size:64 n_epochs:1"
 )
-
-
-def weights(folder):
-    state = torch.load(folder / "policy.pt", weights_only=True)
-    digest = hashlib.sha256()
-    for name in sorted(state):
-        digest.update(name.encode() + state[name].numpy().tobytes())
-    return digest.hexdigest()
 
 
 def results(folder):
@@ -75,27 +72,56 @@ def kill(process):
 
 @pytest.fixture(scope="module")
 def uninterrupted(tmp_path_factory):
-    """The results of both default arms, flown through."""
+    """The results of both default arms, flown through in this process."""
     folder = tmp_path_factory.mktemp("through")
+    assert train.main([*WORDS, "-f", str(folder), "--n-jobs", "1"]) == 0
+    return {arm: results(folder / NAME / f"{arm}_seed0") for arm in ARMS}
+
+
+@pytest.fixture(scope="module")
+def killed(tmp_path_factory):
+    """A run whose two trainings were killed after their first checkpoints."""
+    folder = tmp_path_factory.mktemp("killed")
     process = train_py(*WORDS, "-f", folder)
-    _, err = process.communicate()
-    assert process.returncode == 0, err
-    return {arm: results(folder / "QuadSafe-Avoid-v0_1" / f"{arm}_seed0") for arm in ("none", "shield")}
+    wait_for(lambda: all(path.exists() for path in checkpoints(folder / NAME).values()), process)
+    kill(process)
+    return folder / NAME
 
 
-def agrees(run, uninterrupted):
-    return {arm: results(run / f"{arm}_seed0") for arm in uninterrupted} == uninterrupted
+@pytest.fixture
+def run(killed, tmp_path):
+    """A copy of the killed run."""
+    return Path(shutil.copytree(killed, tmp_path / NAME))
+
+
+def checkpoints(run):
+    return {arm: run / f"{arm}_seed0" / training.CHECKPOINT for arm in ARMS}
+
+
+def saved_steps(run):
+    """Steps of the trainings that have a checkpoint, which can be read and lie between two rollouts."""
+    paths = {arm: path for arm, path in checkpoints(run).items() if path.exists()}
+    steps = {
+        arm: torch.load(path, weights_only=True)["counters"]["num_timesteps"] for arm, path in paths.items()
+    }
+    assert all(n % EVERY == 0 for n in steps.values())
+    return steps
+
+
+def goes_on_as_uninterrupted(run, uninterrupted):
+    assert train.main(["-i", str(run), "--n-jobs", "1"]) == 0
+    return {arm: results(run / f"{arm}_seed0") for arm in ARMS} == uninterrupted
 
 
 def stop_after_each_rollout(monkeypatch, run):
-    begin = training.Keeper._on_rollout_start
+    begin = training.CheckpointCallback._on_rollout_start
 
-    def begin_or_stop(keeper):
-        if keeper.num_timesteps > keeper._saved_at:
+    def begin_or_stop(callback):
+        if callback.num_timesteps > callback._saved_at:
             run.stop_file.touch()
-        begin(keeper)
+        begin(callback)
 
-    monkeypatch.setattr(training.Keeper, "_on_rollout_start", begin_or_stop)
+    monkeypatch.setattr(training.CheckpointCallback, "_on_rollout_start", begin_or_stop)
 
 
 @pytest.mark.parametrize(
@@ -137,73 +163,50 @@ def test_counter_case_without_the_random_generators_it_goes_on_otherwise(tmp_pat
     assert weights(stopped.folder_of("shield", 0)) != weights(through.folder_of("shield", 0))
 
 
-def test_killed_again_and_again_it_loses_no_more_than_an_interval(tmp_path, uninterrupted):
-    process = train_py(*WORDS, "-f", tmp_path)
-    run, steps = tmp_path / "QuadSafe-Avoid-v0_1", {"none": 0, "shield": 0}
-    for kills in range(3):
-        path = run / "shield_seed0" / training.CHECKPOINT
-        before = path.stat().st_mtime_ns if path.exists() else 0
-        wait_for(lambda p=path, b=before: p.exists() and p.stat().st_mtime_ns > b, process)
+@pytest.mark.slow
+def test_killed_again_and_again_it_loses_no_more_than_an_interval(run, uninterrupted):
+    before = saved_steps(run)
+    assert before.keys() == set(ARMS)
+    for kills in (1, 2):
+        path = checkpoints(run)["shield"]
+        written = path.stat().st_mtime_ns
+        process = train_py("-i", run, "--save-freq", EVERY)
+        wait_for(lambda p=path, w=written: p.exists() and p.stat().st_mtime_ns > w, process)
         time.sleep(0.03 * kills)
         kill(process)
-        opened = open_run(run)
-        for arm, saved_before in steps.items():
-            with sole_use(opened.folder_of(arm, 0)):
+        for arm in ARMS:
+            with sole_use(run / f"{arm}_seed0"):
                 pass  # no process of the killed session is left
-            file = opened.folder_of(arm, 0) / training.CHECKPOINT
-            if file.exists():
-                saved = torch.load(file, weights_only=True)["counters"]["num_timesteps"]
-                assert saved >= saved_before and saved % EVERY == 0
-                steps[arm] = saved
-        process = train_py("-i", run, "--save-freq", EVERY)
-    _, err = process.communicate()
-    assert process.returncode == 0, err
-    assert steps["shield"] > 0 and agrees(run, uninterrupted)
+        steps = saved_steps(run)
+        assert all(steps[arm] >= before[arm] for arm in steps) and steps["shield"] > before["shield"]
+        before = {**before, **steps}
+    assert goes_on_as_uninterrupted(run, uninterrupted)
 
 
+@pytest.mark.slow
 def test_an_interrupt_finishes_the_rollout_and_saves(tmp_path, uninterrupted):
-    process = train_py(*WORDS, "-f", tmp_path)
-    run = tmp_path / "QuadSafe-Avoid-v0_1"
-    wait_for((run / "shield_seed0" / training.CHECKPOINT).exists, process)
+    process, run = train_py(*WORDS, "-f", tmp_path), tmp_path / NAME
+    wait_for(checkpoints(run)["shield"].exists, process)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate()
     assert process.returncode == 130 and "Traceback" not in err
     assert f"Stopped early. To go on: python train.py -i {run}" in out
-    process = train_py("-i", run, "--n-jobs", 1)
-    _, err = process.communicate()
-    assert process.returncode == 0, err
-    assert agrees(run, uninterrupted)
+    assert goes_on_as_uninterrupted(run, uninterrupted)
 
 
-def test_a_full_disk_leaves_the_old_checkpoint_and_says_so(tmp_path, uninterrupted):
-    process = train_py(*WORDS, "-f", tmp_path)
-    run = tmp_path / "QuadSafe-Avoid-v0_1"
-    checkpoints = [run / f"{arm}_seed0" / training.CHECKPOINT for arm in uninterrupted]
-    wait_for(lambda: all(path.exists() for path in checkpoints), process)
-    kill(process)
-    kept = [path.read_bytes() for path in checkpoints]
-    process = train_py("-i", run, "--save-freq", EVERY, kilobytes=len(min(kept, key=len)) // 2048)
+@pytest.mark.slow
+def test_a_full_disk_leaves_the_old_checkpoint_and_says_so(run, uninterrupted):
+    kept = {arm: path.read_bytes() for arm, path in checkpoints(run).items()}
+    kilobytes = min(map(len, kept.values())) // 2048
+    process = train_py("-i", run, "--save-freq", EVERY, kilobytes=kilobytes)
     out, err = process.communicate()
     assert process.returncode == 1 and "Traceback" not in err
-    for arm, path in zip(uninterrupted, checkpoints, strict=True):
+    for arm, path in checkpoints(run).items():
         sentence = f"train.py: error: {arm}, seed 0: {path} could not be written: File too large; "
         assert sentence + "what was saved before is intact" in err
-    assert [path.read_bytes() for path in checkpoints] == kept
+    assert {arm: path.read_bytes() for arm, path in checkpoints(run).items()} == kept
     assert "Ended early. To go on: python train.py -i" in out
-    process = train_py("-i", run)
-    _, err = process.communicate()
-    assert process.returncode == 0, err
-    assert agrees(run, uninterrupted)
-
-
-class Payload:
-    """Makes a folder when unpickled."""
-
-    def __init__(self, path):
-        self.path = str(path)
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
+    assert goes_on_as_uninterrupted(run, uninterrupted)
 
 
 @pytest.mark.parametrize("place", ["whole", "counted", "replay"])
@@ -250,7 +253,7 @@ def test_two_processes_do_not_train_in_the_same_folder(tmp_path):
 
 
 def _model(run):
-    from agents.experiment.build import make_training_env
+    from agents.experiment.environments import make_training_env
     from agents.learn.algorithms import make_model
     from agents.learn.sb3_vec import Sb3VectorEnv
 

@@ -1,7 +1,5 @@
 """The training script end to end on a tiny budget, and its files: complete, safe to load, reproducible."""
 
-import csv
-import hashlib
 import json
 import os
 import pickle
@@ -14,12 +12,13 @@ import numpy as np
 import pytest
 import torch
 import yaml
+from run_files import Payload, table, weights
 
 import agents
 import train
-from agents.experiment import runs
-from agents.experiment.build import checked, make_training_env
+from agents.experiment import files, runs
 from agents.experiment.config import Experiment
+from agents.experiment.environments import checked, make_training_env
 from agents.learn import algorithms
 from agents.learn.episodes import EPISODE
 from agents.learn.sb3_vec import Sb3VectorEnv
@@ -31,25 +30,12 @@ TINY = shlex.split(
 )
 
 
-def weights(folder):
-    state = torch.load(folder / "policy.pt", weights_only=True)
-    digest = hashlib.sha256()
-    for name in sorted(state):
-        digest.update(name.encode() + state[name].numpy().tobytes())
-    return digest.hexdigest()
-
-
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A finished run and the files in it."""
     log_folder = tmp_path_factory.mktemp("logs")
     assert train.main([*TINY, "-f", str(log_folder), "--progress", "-tb", str(log_folder / "board")]) == 0
     return log_folder / "QuadSafe-Avoid-v0_1"
-
-
-def table(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
 
 
 def test_a_run_leaves_its_record(finished):
@@ -89,7 +75,7 @@ def test_results_agree_with_the_episodes(finished):
     trained, flown = ([r for r in rows if r["phase"] == phase] for phase in ("training", "evaluation"))
     assert [(row["arm"], row["flown"]) for row in trained] == [("none", "off"), ("shield", "on")]
     for row in trained:
-        episodes = runs.read_csv(finished / f"{row['arm']}_seed0" / "episodes.csv", EPISODE)
+        episodes = files.read_csv(finished / f"{row['arm']}_seed0" / "episodes.csv", EPISODE)
         assert int(row["episodes"]) == len(episodes) > 0
         # A violation ends the episode, so there are as many steps with one.
         assert int(row["violations"]) == episodes["violation"].sum() == int(row["violation_steps"])
@@ -107,7 +93,7 @@ def test_results_agree_with_the_episodes(finished):
 
 
 def test_a_table_keeps_commas_in_their_cells(tmp_path):
-    runs.write_csv(tmp_path / "a.csv", ["x", "y"], [["a, b", 1.5], ['"', True]])
+    files.write_csv(tmp_path / "a.csv", ["x", "y"], [["a, b", 1.5], ['"', True]])
     assert table(tmp_path / "a.csv") == [{"x": "a, b", "y": "1.5"}, {"x": '"', "y": "True"}]
 
 
@@ -138,7 +124,7 @@ def test_tensorboard_gets_what_the_table_has(finished):
 
 def test_the_shield_flew_in_its_arm_only(finished):
     without, shielded = (
-        runs.read_csv(finished / f"{arm}_seed0" / "episodes.csv", EPISODE) for arm in ("none", "shield")
+        files.read_csv(finished / f"{arm}_seed0" / "episodes.csv", EPISODE) for arm in ("none", "shield")
     )
     assert without["violation"].any() and not without["interventions"].any()
     assert not shielded["violation"].any() and shielded["interventions"].any()
@@ -165,6 +151,7 @@ def test_equal_seeds_give_equal_weights_whatever_was_trained_before(finished, tm
     assert "seeds 0 to 1" in (again / "results.txt").read_text()
 
 
+@pytest.mark.slow
 def test_several_processes_give_what_one_gives(finished, tmp_path):
     assert train.main([*TINY[:-1], "2", "-f", str(tmp_path), "--n-seeds", "2"]) == 0
     again = tmp_path / "QuadSafe-Avoid-v0_1"
@@ -225,16 +212,6 @@ def test_load_names_the_trainings_there_are(finished, tmp_path):
     (tmp_path / "config.yml").write_bytes((finished / "config.yml").read_bytes())
     with pytest.raises(FileNotFoundError, match="run must hold a trained policy, got none"):
         agents.load(tmp_path)
-
-
-class Payload:
-    """Makes a folder when unpickled."""
-
-    def __init__(self, path):
-        self.path = str(path)
-
-    def __reduce__(self):
-        return os.mkdir, (self.path,)
 
 
 def copied(finished, target):

@@ -7,16 +7,16 @@ import plotly.graph_objects as go
 from agents.experiment.arms import ARMS
 from agents.experiment.runs import Run
 from agents.measure import results
+from agents.measure.trace import Trace, read_trace
 from agents.report import curves, figures, flight_figures
 from agents.report.curves import Curve
-from agents.report.headline import in_words
-from agents.report.trace import Trace, read_trace
+from agents.report.rates import in_words
 
 Row = dict[str, Any]
 
 
-class Plate(NamedTuple):
-    """A figure of the page."""
+class CaptionedFigure(NamedTuple):
+    """A figure of the page, with its title and the words below it."""
 
     name: str
     title: str
@@ -24,7 +24,7 @@ class Plate(NamedTuple):
     figure: go.Figure
 
 
-def plates(run: Run, rows: list[Row]) -> list[Plate]:
+def run_figures(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
     """The figures that the files of a run have data for.
 
     Args:
@@ -51,7 +51,7 @@ def training_curves(run: Run, arms: list[str]) -> tuple[int, dict[str, Curve], d
     return window, success, collisions
 
 
-def _training(run: Run, rows: list[Row]) -> list[Plate]:
+def _training(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
     trained = {row["arm"]: row for row in rows if row["phase"] == "training" and row["episodes"]}
     if not trained:
         return []
@@ -59,13 +59,13 @@ def _training(run: Run, rows: list[Row]) -> list[Plate]:
     episodes = {arm: row["episodes"] for arm, row in trained.items()}
     n = max(row["seeds"] for row in trained.values())
     return [
-        Plate(
+        CaptionedFigure(
             "learning",
             "Learning",
             f"Success of the episodes that ended in the last {window:,} steps. {_band(n)}",
             figures.learning_curves(success),
         ),
-        Plate(
+        CaptionedFigure(
             "violations",
             "Collisions while learning",
             f"Episodes with a collision since the start of the training. {_band(n)} {_clean(trained)}".strip(),
@@ -74,13 +74,13 @@ def _training(run: Run, rows: list[Row]) -> list[Plate]:
     ]
 
 
-def _flights(run: Run, rows: list[Row]) -> list[Plate]:
+def _flights(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
     flown = [row for row in rows if row["phase"] == "evaluation" and row["episodes"]]
     if not flown:
         return []
     arms = dict.fromkeys(row["arm"] for row in flown)
     return [
-        Plate(
+        CaptionedFigure(
             "forest",
             "What the shield costs and buys",
             "Every agent on the same held-out scenes. Rates: interquartile mean over seeds with its 95 % "
@@ -88,7 +88,7 @@ def _flights(run: Run, rows: list[Row]) -> list[Plate]:
             "the agent trained and flown without a shield, paired by seed; of a single seed without interval.",
             figures.forest(flown),
         ),
-        Plate(
+        CaptionedFigure(
             "clearance",
             "Least clearance",
             "Share of the held-out flights, of all seeds, that come nearer to a keep-out sphere than each "
@@ -99,17 +99,17 @@ def _flights(run: Run, rows: list[Row]) -> list[Plate]:
     ]
 
 
-def _scene(trace: Trace) -> list[Plate]:
+def _scene(trace: Trace) -> list[CaptionedFigure]:
     scene = trace.scene
     who = f"{ARMS[scene['arm']].title}, seed {scene['seed']}, scene {scene['scene']}"
     return [
-        Plate(
+        CaptionedFigure(
             "flights",
             "One scene, without and with the shield",
             f"The same agent ({who}), the same start. Drag to turn, scroll to come nearer.",
             flight_figures.flights(trace),
         ),
-        Plate(
+        CaptionedFigure(
             "timeline",
             "What the shield does to the command",
             "The snap that the policy asks for and the snap that is flown with the shield, in the last control "

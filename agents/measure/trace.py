@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.experiment.arms import ARMS
-from agents.experiment.build import make_env, of_arm
-from agents.experiment.runs import Run, read_csv, read_json, write_csv, write_json
+from agents.experiment.environments import make_env, of_arm
+from agents.experiment.files import read_csv, read_json, write_csv, write_json
+from agents.experiment.runs import Run
 from agents.measure.evaluate import FLIGHT, agent_of
 
 AXES = "xyz"
@@ -55,15 +56,15 @@ def write_trace(run: Run) -> None:
 
     Nothing is written of a run without flights.
     """
-    found = chosen(run)
+    found = chosen_scene(run)
     if found is None:
         return
     arm, seed, scene = found
-    rows, told = [], {}
+    rows, facts = [], {}
     for is_shielded in (False, True):
         env = make_env(of_arm(run.experiment, ARMS[arm]), is_shielded)
         observation, _ = env.reset(options={"scene": scene})
-        told = _scene(env)
+        facts = _scene(env)
         agent, is_over, time = agent_of(run, arm, seed, env), False, 0.0
         while not is_over:
             position = env.unwrapped.flat_state()[0].tolist()
@@ -77,10 +78,10 @@ def write_trace(run: Run) -> None:
         position = env.unwrapped.flat_state()[0].tolist()
         rows.append([is_shielded, round(time, 9), *position, *NO_SNAPS, False, ""])
     write_csv(run.folder / "trace.csv", HEADER, rows)
-    write_json(run.folder / "trace.json", {"arm": arm, "seed": seed, "scene": scene, **told})
+    write_json(run.folder / "trace.json", {"arm": arm, "seed": seed, "scene": scene, **facts})
 
 
-def chosen(run: Run) -> tuple[str, int, int] | None:
+def chosen_scene(run: Run) -> tuple[str, int, int] | None:
     """Arm, seed and scene of the first collision without a shield; of the first flight if there is none."""
     done = [job for job in run.experiment.jobs() if run.is_done(*job)]
     # An agent that learns tells more than one that does not.

@@ -15,7 +15,7 @@ from agents.experiment.runs import Run
 INTERVAL = 0.5  # s
 
 
-class Display:
+class ProgressBar:
     """While entered, a bar over the steps of all trainings, read from the files that they write.
 
     It is shown where the output is a terminal, and everywhere with ``options.progress``.
@@ -27,7 +27,7 @@ class Display:
         self._is_hidden = False if options.progress else None
         self._is_over = threading.Event()
 
-    def __enter__(self) -> "Display":
+    def __enter__(self) -> "ProgressBar":
         self._bar = tqdm(
             total=self._total, unit=" steps", unit_scale=True, disable=self._is_hidden if self._jobs else True
         )

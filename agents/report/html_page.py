@@ -5,7 +5,7 @@ from html import escape
 
 from plotly.offline import get_plotlyjs
 
-from agents.report.plates import Plate
+from agents.report.run_figures import CaptionedFigure
 
 CONFIG = {
     "displaylogo": False,
@@ -52,13 +52,13 @@ LEAST_WIDTH = {"forest": 860, "flights": 640}
 Table = Sequence[Sequence[str]]
 
 
-def page(
+def html_page(
     *,
     title: str,
     subtitle: str,
     headline: Sequence[tuple[str, str]],
     tables: Mapping[str, Table],
-    plates: Sequence[Plate],
+    figures: Sequence[CaptionedFigure],
     note: str,
     records: Mapping[str, str],
 ) -> str:
@@ -69,7 +69,7 @@ def page(
         subtitle: on what.
         headline: titles and their sentences.
         tables: rows of cells under their heads, by title.
-        plates: the figures.
+        figures: those of the run, with their words.
         note: what the words and numbers mean.
         records: texts at the end, folded away, by title.
     """
@@ -78,11 +78,11 @@ def page(
         f'<p class="subtitle">{escape(subtitle)}</p>',
         _sentences(headline),
         *(_section(name, _table(rows)) for name, rows in tables.items()),
-        *(_figure(i, plate) for i, plate in enumerate(plates, start=1)),
+        *(_figure(i, figure) for i, figure in enumerate(figures, start=1)),
         _section("How to read the numbers", f'<p class="note">{escape(note)}</p>'),
         *(_folded(name, text) for name, text in records.items()),
     ]
-    head = _head(title, bool(plates))
+    head = _head(title, bool(figures))
     parts = [
         "<!doctype html>",
         '<html lang="en">',
@@ -141,9 +141,9 @@ def _table(rows: Table) -> str:
     )
 
 
-def _figure(number: int, plate: Plate) -> str:
-    drawn = plate.figure.to_html(CONFIG, full_html=False, include_plotlyjs=False, div_id=f"figure-{plate.name}")
-    least = LEAST_WIDTH.get(plate.name, 0)
-    caption = f"<figcaption>Figure {number}. {_kept(plate.caption)}</figcaption>"
+def _figure(number: int, shown: CaptionedFigure) -> str:
+    drawn = shown.figure.to_html(CONFIG, full_html=False, include_plotlyjs=False, div_id=f"figure-{shown.name}")
+    least = LEAST_WIDTH.get(shown.name, 0)
+    caption = f"<figcaption>Figure {number}. {_kept(shown.caption)}</figcaption>"
     place = f'<div class="wide"><div class="plot" style="--least: {least}px">{drawn}</div></div>'
-    return _section(plate.title, f"<figure>\n{caption}\n{place}\n</figure>")
+    return _section(shown.title, f"<figure>\n{caption}\n{place}\n</figure>")

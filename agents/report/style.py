@@ -53,15 +53,15 @@ TEMPLATE = go.layout.Template(
 
 def blank(height: int, **layout: Any) -> go.Figure:
     """A figure with nothing in it."""
-    return dressed(go.Figure(), height, **layout)
+    return styled(go.Figure(), height, **layout)
 
 
-def dressed(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
+def styled(figure: go.Figure, height: int, **layout: Any) -> go.Figure:
     """A figure in the looks of all others, as wide as its place and of a height in px."""
     return figure.update_layout(template=TEMPLATE, height=height, **layout)
 
 
-def faint(color: str, opacity: float) -> str:
+def translucent(color: str, opacity: float) -> str:
     """A colour "#rrggbb" that lets the ground through."""
     red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
     return f"rgba({red}, {green}, {blue}, {opacity})"
