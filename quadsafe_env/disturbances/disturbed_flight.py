@@ -11,6 +11,7 @@ import math
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, new_block
+from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.kernels.vec3 import add
 from quadsafe_core.maths.counter_rng import uniform
 from quadsafe_env.disturbances.disturbance import Disturbance
@@ -37,7 +38,6 @@ from quadsafe_env.simulation.episode import (
     store_table,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.ravel import unraveled
 from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time

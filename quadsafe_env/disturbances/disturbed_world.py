@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.ravel import raveled
 from quadsafe_env.disturbances.disturbance import disturbance
 from quadsafe_env.disturbances.disturbed_flight import advance_disturbed_batch
 from quadsafe_env.disturbances.draws import (
@@ -17,7 +18,6 @@ from quadsafe_env.disturbances.draws import (
 )
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.simulation.batches import observe_rows
-from quadsafe_env.simulation.ravel import raveled
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import Conditions
 from quadsafe_env.tasks.scenes import Task

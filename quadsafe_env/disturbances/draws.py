@@ -11,10 +11,10 @@ import math
 import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.kernels.vec3 import add, norm, scale, vector, write3
 from quadsafe_core.maths.counter_rng import Key, derived_key, uniform
 from quadsafe_env.disturbances.disturbance import GUST_LENGTH, GUST_PERIOD, Disturbance
-from quadsafe_env.simulation.ravel import unraveled
 from quadsafe_env.tasks.conditions import TURBULENCE_LIMIT
 from quadsafe_env.vehicle.actions import velocity_feedback
 

@@ -8,6 +8,7 @@ and ``quadsafe_env.tasks.scene_columns.Scenes`` have fields, shapes and units. `
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.maths.counter_rng import Key, derived_key
 from quadsafe_env.simulation.block import (
     CLEARANCE,
@@ -33,7 +34,6 @@ from quadsafe_env.simulation.episode import (
     store_table,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.ravel import unraveled
 from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import distance_to
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block, to_lanes, wide_vectors
+from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_env.simulation.block import (
     ARRIVES,
     CLEARANCE,
@@ -22,7 +23,6 @@ from quadsafe_env.simulation.block import (
     SPINNING,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.ravel import unraveled
 from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.vehicle.actions import snap_law, velocity_law, wrench_law

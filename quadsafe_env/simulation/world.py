@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.ravel import raveled
 from quadsafe_env.simulation.batches import (
     advance_batch,
     begin_rows,
@@ -23,7 +24,6 @@ from quadsafe_env.simulation.batches import (
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
-from quadsafe_env.simulation.ravel import raveled
 from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, rows_of
 from quadsafe_env.simulation.slot import (
     Filtered,

@@ -91,12 +91,18 @@ class ShieldSettings(NamedTuple):
     tube: Width | None
 
 
-class SampledMemory(NamedTuple):
-    """Settings (1), stored stops (N), half-spaces (N, K), velocities of the spheres (N, K, 3), m/s."""
+class Remembered(NamedTuple):
+    """Stored stops (N) ``PLAN`` and the half-spaces that were chosen last (N, K) ``HALF_SPACE``."""
 
-    settings: NDArray[np.void]
     plans: NDArray[np.void]
     half_spaces: NDArray[np.void]
+
+
+class SampledMemory(NamedTuple):
+    """Settings (1) ``SETTINGS``, what is remembered, and velocities of the spheres (N, K, 3), m/s."""
+
+    settings: NDArray[np.void]
+    rows: Remembered
     velocities: NDArray[np.float64]
 
 
@@ -128,7 +134,7 @@ def sampled_memory(memory, n, k):
     plans, memory = taken(memory, PLANS, (n,))
     half_spaces, memory = taken(memory, HALF_SPACES, (n, k))
     velocities, memory = taken(memory, FLOATS, (n, k, 3))
-    return SampledMemory(settings, plans, half_spaces, velocities), memory
+    return SampledMemory(settings, Remembered(plans, half_spaces), velocities), memory
 
 
 @register_jitable

@@ -139,11 +139,11 @@ def careful_snap(x, wish, spheres, row, settings):
 
 
 @kernel
-def sampled_row(i, measured, memory, settings, answers):
+def sampled_row(i, measured, remembered, settings, answers):
     """Filter row i of what was measured; ``DONE``, or what is wrong with it."""
     x, spheres, fact = flat_of_row(i, measured.flat), measured.spheres, answers.facts[i]
     wanted = wanted_snap(x, vector(measured.snap[i]), settings.braking, fact)
-    plan, chosen, share = memory.plans[i], memory.half_spaces[i], 1.0 + 0.5 * settings.margin
+    plan, chosen, share = remembered.plans[i], remembered.half_spaces[i], 1.0 + 0.5 * settings.margin
     is_cut, is_outside = choose_directions(i, x, wanted, spheres, chosen, settings, fact)
     is_wanted = fact["fallback"] == 0.0
     if (

@@ -14,6 +14,7 @@ from shields.interface.records import Measured, Obstacles
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
+    HALF_SPACE,
     empty_memory,
     is_memory_of,
     kind_of,
@@ -43,7 +44,7 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
-            code = sampled_row(i, measured, held, settings, answers)
+            code = sampled_row(i, measured, held.rows, settings, answers)
     return code
 
 
@@ -67,8 +68,8 @@ class SampledMethod:
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""
         held, _ = sampled_memory(self.memory, *self._size)
-        held.half_spaces[mask] = np.zeros((), dtype=held.half_spaces.dtype)
-        held.plans[mask] = np.zeros((), dtype=PLAN)
+        held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
+        held.rows.plans[mask] = np.zeros((), dtype=PLAN)
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Some rows fly other snaps than the last answer: what they remember is void."""
@@ -82,7 +83,7 @@ class SampledMethod:
         """What filters at a period."""
         held, _ = sampled_memory(self.memory, *self._size)
         # A stop is stored in whole periods: of another length it would be another stop.
-        held.plans["is_stored"] = False
+        held.rows.plans["is_stored"] = False
         bounds = bounds_of(self._settings)
         write_settings(held.settings[0], self._settings, period, bounds, held_gains(4, TRACKING_POLE, period))
         kind = kind_of(self._settings, bounds, has_tube=False)

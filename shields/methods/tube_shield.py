@@ -24,6 +24,7 @@ from shields.interface.records import Measured, MovingSpheres, Obstacles
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
 from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.memory import (
+    HALF_SPACE,
     SETTINGS_ROW,
     SampledMemory,
     TubeMemory,
@@ -106,25 +107,12 @@ def withdraw(i, fact, is_here, chains):
     chains[i] = chains[i] + 1.0 if fact["certified"] != 0.0 else 0.0
 
 
-@inline_kernel
-def tube_row(i, measured, held, tubes, settings, answers):
-    """``sampled_row`` of row i on what will be when the answer is flown; ``DONE``, or what is wrong with it."""
-    x, spheres = flat_of_row(i, measured.flat), measured.spheres
-    width, period = settings.tube, settings.flight.period
-    is_here = is_here_clear(i, x, spheres, tubes.pending, tubes.chains, width, period)
-    write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
-    write_world_ahead(i, tubes.pending.shape[1] * period, spheres, width, tubes)
-    tubes.before[i] = held.plans[i]
-    ahead = Measured(tubes.flats, Obstacles(tubes.centers, spheres.velocity, tubes.radii), measured.snap)
-    code = sampled_row(i, ahead, held, settings, answers)
-    withdraw(i, answers.facts[i], is_here, tubes.chains)
-    send(answers.safe[i], tubes.pending[i])
-    return code
-
-
 @kernel
 def tube_batch(flat, center, radius, snap, memory, kind, out):
-    """Rows of ``tube_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
+    """Rows of ``sampled_row`` on what will be when the answer is flown; the first code that is not ``DONE``.
+
+    See ``method.FilterKernel``.
+    """
     n, k = flat.shape[0], radius.shape[1]
     if not is_memory_of(memory, n, k, out):
         return BAD_SHAPES
@@ -133,10 +121,19 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
     spheres = Obstacles(borrowed(center), held.velocities, borrowed(radius))
     measured = Measured(borrowed(flat), spheres, borrowed(snap))
+    ahead = Measured(tubes.flats, Obstacles(tubes.centers, held.velocities, tubes.radii), measured.snap)
+    width, period, delay = settings.tube, settings.flight.period, tubes.pending.shape[1]
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
-            code = tube_row(i, measured, held, tubes, settings, answers)
+            x = flat_of_row(i, measured.flat)
+            is_here = is_here_clear(i, x, spheres, tubes.pending, tubes.chains, width, period)
+            write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
+            write_world_ahead(i, delay * period, spheres, width, tubes)
+            tubes.before[i] = held.rows.plans[i]
+            code = sampled_row(i, ahead, held.rows, settings, answers)
+            withdraw(i, answers.facts[i], is_here, tubes.chains)
+            send(answers.safe[i], tubes.pending[i])
     return code
 
 
@@ -151,10 +148,10 @@ def backup_row(i, held, tubes, settings, out):
     """Row i flies the stop before the last answer in its place, and stores it again; without one it brakes."""
     x, flight = flat_of(tubes.flats[i]), settings.flight
     period, snap_max = flight.period, flight.limits.snap_max
-    held.plans[i] = tubes.before[i]
+    held.rows.plans[i] = tubes.before[i]
     if tubes.before[i]["is_stored"]:
         write3(out[i], tracking_snap(tubes.before[i], x, period, flight.gains, snap_max))
-        advance_stop(held.plans[i], period)
+        advance_stop(held.rows.plans[i], period)
     else:
         write3(out[i], within_ball(braking(x.v, x.a, x.j, settings.braking), snap_max))
     last = tubes.pending.shape[1] - 1
@@ -196,8 +193,8 @@ class TubeMethod:
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows; what was on its way to them is not flown."""
         held, tubes = self._parts()
-        held.half_spaces[mask] = np.zeros((), dtype=held.half_spaces.dtype)
-        held.plans[mask] = tubes.before[mask] = np.zeros((), dtype=PLAN)
+        held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
+        held.rows.plans[mask] = tubes.before[mask] = np.zeros((), dtype=PLAN)
         tubes.pending[mask], tubes.chains[mask] = 0.0, 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
@@ -222,7 +219,7 @@ class TubeMethod:
         tube = tube_of(self._uncertainty, period, bounds.limits)
         bounds, held = bounds_in_tube(tube, bounds), self._parts()[0]
         # A stop is stored in whole periods: of another length it would be another stop.
-        held.plans["is_stored"] = False
+        held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True)

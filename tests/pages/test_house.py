@@ -12,18 +12,10 @@ RULES = (
     sources.many_arguments,
     sources.circles,
 )
-UNFINISHED = [
-    ("many_arguments", "quadsafe_env"),
-    ("circles", "quadsafe_env"),
-    ("long_files", "shields"),
-    ("many_arguments", "shields"),
-    ("tall_chains", "shields"),
-]
 
 
 def held(rule, package):
-    marks = [pytest.mark.xfail(strict=False)] if (rule.__name__, package) in UNFINISHED else []
-    return pytest.param(rule, package, marks=marks, id=f"{rule.__name__}-{package}")
+    return pytest.param(rule, package, id=f"{rule.__name__}-{package}")
 
 
 @pytest.mark.parametrize(

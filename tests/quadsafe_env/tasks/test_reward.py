@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.kernels.ravel import raveled, unraveled
 from quadsafe_env.simulation.batches import observe_rows
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.ravel import raveled, unraveled
 from quadsafe_env.tasks.obstacles import clearance, spheres_from_rows
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of

@@ -110,7 +110,8 @@ def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes():
     assert not memory[24:].any()
     held, rest = sampled_memory(memory, n, k)
     assert held.settings[0][["rows", "obstacles", "delay"]].item() == (n, k, delay)
-    parts, begin = [*held, *tube_memory(rest, n, k, delay)], memory.ctypes.data
+    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, delay)]
+    begin = memory.ctypes.data
     for part in parts:
         assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
         begin += part.nbytes
@@ -361,7 +362,7 @@ def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
     shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
 
     def parts():
-        return sampled_memory(shield.snapshot()["memory"], 3, 2)[0]
+        return sampled_memory(shield.snapshot()["memory"], 3, 2)[0].rows
 
     before = parts()
     assert before.half_spaces["n"].any(axis=(1, 2)).all() and before.plans["is_stored"].all()
