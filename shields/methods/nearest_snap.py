@@ -53,6 +53,14 @@ def relative_to(x, center, velocity):
     return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
 
 
+@inline_kernel
+def direction(half_space):
+    """The direction of a ``HALF_SPACE``."""
+    # As an argument a field that is an array would be counted.
+    n = half_space["n"]
+    return (n[0], n[1], n[2])
+
+
 @kernel
 def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
     """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all spheres.
@@ -65,9 +73,8 @@ def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
         if radius[i, k] > 0.0:
             y = relative_to(x, triple(center, i, k), triple(velocity, i, k))
             distance = (1 + settings.margin) * radius[i, k]
-            # As an argument a field that is an array would be counted.
             n = chosen[k]["n"]
-            demand = distance_demand(y, (n[0], n[1], n[2]), wanted, distance, settings.sampling)
+            demand = distance_demand(y, direction(chosen[k]), wanted, distance, settings.sampling)
             n[0], n[1], n[2] = demand.n
             chosen[k]["least"] = demand.least
             fact["value"] = min(fact["value"], demand.value)
@@ -110,7 +117,7 @@ def cut(x, u, spheres, row, settings, half_spaces, most):
             y = relative_to(x, vector(center[k]), vector(velocity[k]))
             if half_spaces.offsets[k] == -math.inf:
                 distance = (1 + settings.margin) * radius[k]
-                demand = demand_along(vector(row.chosen[k]["n"]), y, u, distance, sampling)
+                demand = demand_along(direction(row.chosen[k]), y, u, distance, sampling)
                 if enter(half_spaces, k, demand, u):
                     is_cut, most = True, note_demand(demand, u, k, most, row.fact)
             demand = closing_demand(y, u, settings.closing, sampling)
@@ -126,7 +133,7 @@ def cut_as_chosen(wanted, radius, row, half_spaces):
     most = 0.0
     for k in range(radius.shape[0]):
         if radius[k] > 0.0:
-            demand = Demand(vector(row.chosen[k]["n"]), row.chosen[k]["least"], 0.0, True)
+            demand = Demand(direction(row.chosen[k]), row.chosen[k]["least"], 0.0, True)
             if enter(half_spaces, k, demand, wanted):
                 most = note_demand(demand, wanted, k, most, row.fact)
     return True, most

@@ -25,7 +25,7 @@ from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
 from shields.interface.records import Flight, FlightLimits, MovingSpheres, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
-from shields.methods.nearest_snap import SLACK, Row, choose_directions, nearest_snap
+from shields.methods.nearest_snap import SLACK, Row, choose_directions, direction, nearest_snap
 
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
@@ -89,7 +89,7 @@ def backup_snap(x, spheres, row, settings):
     u, is_feasible = nearest_snap(x, brake, False, spheres, row, settings)
     if not (is_feasible and norm(u) <= norm(brake) + 2 * input_max):
         k = int(row.fact["obstacle"])
-        u = scale(input_max, vector(row.chosen[k]["n"])) if k >= 0 else brake
+        u = scale(input_max, direction(row.chosen[k])) if k >= 0 else brake
     return within_ball(u, settings.flight.limits.snap_max)
 
 
