@@ -120,10 +120,8 @@ def cut(x, u, spheres, row, settings, half_spaces, most):
                 demand = demand_along(direction(row.chosen[k]), y, u, distance, sampling)
                 if enter(half_spaces, k, demand, u):
                     is_cut, most = True, note_demand(demand, u, k, most, row.fact)
-            demand = closing_demand(y, u, settings.closing, sampling)
-            row.fact["value"] = min(row.fact["value"], demand.value)
-            if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
-                is_cut, most = True, note_demand(demand, u, k, most, row.fact)
+            cuts, most = cut_closing(k, y, u, settings.closing, sampling, (half_spaces, row.fact), most)
+            is_cut |= cuts
     return is_cut, most
 
 
@@ -140,11 +138,18 @@ def cut_as_chosen(wanted, radius, row, half_spaces):
 
 
 @kernel
-def closing_demand(y, u, closing, sampling):
-    """The half-space that bounds the closing motion to a sphere; without bounds one that holds every snap."""
+def cut_closing(k, y, u, closing, sampling, entered, most):
+    """Enter the half-space that bounds the closing motion to sphere k if u is outside of it.
+
+    ``entered``: the half-spaces, and the facts of the row.
+    """
     if closing is not None:
-        return closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
-    return Demand((0.0, 0.0, 1.0), -math.inf, math.inf, True)
+        half_spaces, fact = entered
+        demand = closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
+        fact["value"] = min(fact["value"], demand.value)
+        if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
+            return True, note_demand(demand, u, k, most, fact)
+    return False, most
 
 
 @kernel
