@@ -164,7 +164,7 @@ def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], ty
     return decorated
 
 
-def broadcast_rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
+def argument_rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
     """Checked arguments (value, own trailing shape) as contiguous rows, and the broadcast leading shape."""
     arrays = {name: finite_array(name, value, own) for name, (value, own) in arguments.items()}
     owns = [own for _, own in arguments.values()]

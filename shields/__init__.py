@@ -1,7 +1,7 @@
 """Control-invariant sets of integrators, and the shield that keeps a quadrotor inside one."""
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.old_paths import keep_old_paths
@@ -26,15 +26,6 @@ keep_old_paths(
     },
 )
 
-if TYPE_CHECKING:
-    from shields.chains.braking import BrakingSet
-    from shields.chains.composite import BoxSet, LowerSet
-    from shields.chains.integrator import flow, lower_value, upper_value
-    from shields.filters.box_filter import box_input
-    from shields.filters.box_held import sampled_box_input, sampled_box_value
-    from shields.filters.braking_held import sampled_braking_input, sampled_braking_value
-    from shields.filters.sampled import sampled_input, sampled_value
-
 # The theory alone: imported when it is asked for, so that flying does not pay for it.
 _THEORY = {
     "BoxSet": "chains.composite",
@@ -52,27 +43,8 @@ _THEORY = {
     "upper_value": "chains.integrator",
 }
 
-__all__ = [
-    "Authority",
-    "BoxSet",
-    "BrakingSet",
-    "Filtered",
-    "LowerSet",
-    "Shield",
-    "ShieldWrapper",
-    "Uncertainty",
-    "VectorShieldWrapper",
-    "box_input",
-    "flow",
-    "lower_value",
-    "sampled_box_input",
-    "sampled_box_value",
-    "sampled_braking_input",
-    "sampled_braking_value",
-    "sampled_input",
-    "sampled_value",
-    "upper_value",
-]
+__all__ = ["Authority", "Filtered", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
+__all__ += _THEORY  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

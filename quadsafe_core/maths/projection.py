@@ -17,7 +17,7 @@ import sys
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import broadcast_rows, shaped_array
+from quadsafe_core.checks import argument_rows, shaped_array
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, cross, dot, norm, scale, subtract, vector
@@ -242,7 +242,7 @@ def project_onto_halfspaces(
     count = shaped_array("normals", normals, ("K", 3)).shape[-2]
     # The least float stands for "absent", so that everything is finite.
     offsets = np.maximum(shaped_array("offsets", offsets, (count,)), -LARGEST)
-    (wish, normal, offset), leading = broadcast_rows(
+    (wish, normal, offset), leading = argument_rows(
         desired=(desired, (3,)), normals=(normals, (count, 3)), offsets=(offsets, (count,))
     )
     is_unit = np.abs(np.linalg.norm(normal, axis=-1) - 1.0) <= UNIT_TOLERANCE

@@ -1,4 +1,4 @@
-"""The second half of a control period under conditions, as ``episode.advance_batch`` is without.
+"""The second half of a control period under conditions, as ``batches.advance_batch`` is without.
 
 A physics step of a row, in this order: the inner loop asks for a wrench, from the true state and the believed
 vehicle; the rotors lag behind it; drag and air act over half the step; the true vehicle flies (29) with what
@@ -109,7 +109,7 @@ def pushed(s, air, d):
 
 
 @inline_kernel
-def is_sound(s, thrust_min):
+def is_state_sound(s, thrust_min):
     """Finite, and the thrust above the floor of the flat map."""
     total = s[0] + s[1] + s[2] + s[3] + s[4] + s[5] + s[6] + s[7] + s[8] + s[9]
     total += s[10] + s[11] + s[12] + s[13] + s[14] + s[15] + s[16] + s[17] + s[18] + s[19]
@@ -156,7 +156,7 @@ def fly_row(block, lane, spheres, plant, rotors, d, m):
         after = pushed(after, air, d)
         if is_clipped:
             block[LANES * CLIPPED + lane] = 1.0
-        if not is_sound(after, plant.params.thrust_min):
+        if not is_state_sound(after, plant.params.thrust_min):
             block[LANES * (TABLE + IS_FLYING) + lane], block[LANES * (TABLE + CRASH) + lane] = 0.0, 1.0
             break
         s = after

@@ -11,14 +11,14 @@ from quadsafe_core.checks import shaped_array
 FLOAT = np.dtype(np.float64)
 
 
-class Filtered(Protocol):
+class SafeSnaps(Protocol):
     """What a filter answers with: at least the safe snap (N, 3). A row that is not finite crashes."""
 
     @property
     def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
 
 
-def safe_snaps(answer: Filtered, n: int) -> NDArray[np.float64]:
+def safe_snaps(answer: SafeSnaps, n: int) -> NDArray[np.float64]:
     """The snaps (N, 3) of an answer, as the plant can fly them.
 
     Raises:
@@ -43,7 +43,7 @@ Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
 class MinimalFilter(Protocol):
     """What may be put in the slot between the desired and the safe snap, called once per control period."""
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+    def filter(self, flat, center, radius, snap, period: float) -> SafeSnaps:
         """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
         ...
 

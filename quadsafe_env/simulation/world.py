@@ -26,7 +26,6 @@ from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
 from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, rows_of
 from quadsafe_env.simulation.slot import (
-    Filtered,
     MinimalFilter,
     Passed,
     PassThrough,
@@ -64,7 +63,7 @@ COLUMNS = frozenset(
     ["states", "scenes", "outcomes", "flags", "_flat", "_snap", "_yaw_acceleration", "_table", "_commands"]
 )
 
-__all__ = ["Filtered", "MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
+__all__ = ["MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
 
 
 class World:

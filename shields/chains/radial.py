@@ -21,7 +21,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import broadcast_rows
+from quadsafe_core.checks import argument_rows
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, dot, scale, subtract, vector
 
@@ -111,7 +111,7 @@ def radial_state(flat: ArrayLike, center: ArrayLike) -> NDArray[np.float64]:
 
     Reference: equation (32).
     """
-    (flats, centers), leading = broadcast_rows(flat=(flat, (4, 3)), center=(center, (3,)))
+    (flats, centers), leading = argument_rows(flat=(flat, (4, 3)), center=(center, (3,)))
     out = np.empty((flats.shape[0], 4))
     radial_state_batch(flats, centers, out)
     return out.reshape(*leading, 4)
@@ -133,7 +133,7 @@ def radial_snap(flat: ArrayLike, snap: ArrayLike, center: ArrayLike) -> NDArray[
 
     Reference: equation (32), corrected.
     """
-    (flats, snaps, centers), leading = broadcast_rows(
+    (flats, snaps, centers), leading = argument_rows(
         flat=(flat, (4, 3)), snap=(snap, (3,)), center=(center, (3,))
     )
     out = np.empty(flats.shape[0])
@@ -160,7 +160,7 @@ def snap_for_radial(
 
     Reference: equation (34).
     """
-    (flats, snaps, centers, wanted), leading = broadcast_rows(
+    (flats, snaps, centers, wanted), leading = argument_rows(
         flat=(flat, (4, 3)), snap=(snap, (3,)), center=(center, (3,)), radial_snap=(radial_snap, ())
     )
     out = np.empty_like(snaps)

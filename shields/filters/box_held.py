@@ -26,6 +26,7 @@ from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from shields.chains.composite import BoxSet
 from shields.chains.rows import Array, state_rows
+from shields.filters.admitted import filtered_rows, nearest_admitted
 from shields.filters.dead_beat import clamped
 from shields.filters.held_rest import (
     FALL,
@@ -42,8 +43,6 @@ from shields.filters.held_rest import (
 # Down to this share of a bound a margin counts as 0: for a state that is in the set, and, well above it, for an
 # input that shall lead to one.
 KEPT, ADMITTED = 1e-12, 1e-13
-SCAN = 8
-BISECTIONS = 30
 
 
 @kernel
@@ -60,30 +59,12 @@ def best_rest(order, x, extremes, box, rounding, enough):
 
 
 @kernel
-def admits(order, x, u, box, target):
-    """Whether ``G(u) >= target``."""
+def admits(x, u, limits, target):
+    """Whether ``G(u) >= target``; ``limits``: the order, the box."""
+    order, box = limits
     extremes = extremes_of_arc(x, u, box.period, (x, x))
     value, _ = best_rest(order, moved3(x, u, box.period), extremes, box, ADMITTED, target)
     return value >= target
-
-
-@kernel
-def nearest_admitted(order, x, wanted, backup, box, target):
-    """An input between ``wanted``, which misses the target, and the backup, near the first that reaches it."""
-    missed, admitted = wanted, backup
-    for i in range(1, SCAN):
-        u = wanted + (backup - wanted) * i / SCAN
-        if admits(order, x, u, box, target):
-            admitted = u
-            break
-        missed = u
-    for _ in range(BISECTIONS):
-        u = 0.5 * (missed + admitted)
-        if admits(order, x, u, box, target):
-            admitted = u
-        else:
-            missed = u
-    return admitted
 
 
 @inline_kernel
@@ -106,9 +87,9 @@ def box_held_input(order, x, wanted, box, gamma):
     target = (1.0 - gamma) * max(value, 0.0)
     if not is_inside or u == backup:
         return backup, value, is_inside
-    if admits(order, x, u, box, target):
+    if admits(x, u, (order, box), target):
         return u, value, is_inside
-    return nearest_admitted(order, x, u, backup, box, target), value, is_inside
+    return nearest_admitted(admits, x, u, backup, (order, box), target), value, is_inside
 
 
 @inline_kernel
@@ -118,8 +99,9 @@ def _padded(row):
 
 
 @kernel
-def box_held_batch(x, wanted, box, gamma, u, value, in_set):
-    """Rows of ``box_held_input``."""
+def box_held_batch(x, wanted, box, holding, u, value, in_set):
+    """Rows (N, n) of ``box_held_input``; ``holding``: Δ in s, which the box knows, and γ."""
+    _, gamma = holding
     for i in range(x.shape[0]):
         u[i], value[i], in_set[i] = box_held_input(x.shape[1], _padded(x[i]), wanted[i], box, gamma)
 
@@ -178,9 +160,7 @@ def _filtered(box: BoxSet, rows: Array, wanted: Array, period: float, alpha: flo
     limits = _held_box(box, period)
     if rows.shape[1] != len(box.bounds.lower):
         raise ValueError(f"x must have shape (…, {len(box.bounds.lower)}), got (…, {rows.shape[1]})")
-    u, value, in_set = np.empty(len(rows)), np.empty(len(rows)), np.empty(len(rows), dtype=np.bool_)
-    box_held_batch(rows, wanted, limits, -math.expm1(-alpha * period), u, value, in_set)
-    return u, value, in_set
+    return filtered_rows(box_held_batch, rows, wanted, limits, (period, -math.expm1(-alpha * period)))
 
 
 def _held_box(box: BoxSet, period: float) -> Box:

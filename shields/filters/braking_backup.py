@@ -7,12 +7,11 @@ import numpy as np
 from quadsafe_core.kernels.jit import kernel
 from shields.chains.braking_arcs import least_of_arc, moved, peak_x1, size_of_terms
 from shields.chains.lower_bound import held_lower
+from shields.filters.admitted import nearest_admitted
 from shields.filters.dead_beat import MOST_PERIODS, braking_shift, clamped, fastest_before
 
 # Down to this share of its largest terms a negative value counts as 0: states drift that far.
 DRIFT = 1e-12
-SCAN = 8
-BISECTIONS = 30
 ROUNDS = 200
 
 
@@ -92,22 +91,10 @@ def held_value(x, u, length, bounds, period):
 
 
 @kernel
-def nearest_admitted(x, wanted, backup, target, bounds, period):
-    """An input between ``wanted``, which misses the target, and the backup, near the first that reaches it."""
-    missed, admitted = wanted, backup
-    for i in range(1, SCAN):
-        u = wanted + (backup - wanted) * i / SCAN
-        if held_value(x, u, period, bounds, period) >= target:
-            admitted = u
-            break
-        missed = u
-    for _ in range(BISECTIONS):
-        u = 0.5 * (missed + admitted)
-        if held_value(x, u, period, bounds, period) >= target:
-            admitted = u
-        else:
-            missed = u
-    return admitted
+def reaches(x, u, limits, target):
+    """Whether ``G(u) >= target``; ``limits``: the bounds, Δ in s."""
+    bounds, period = limits
+    return held_value(x, u, period, bounds, period) >= target
 
 
 @kernel
@@ -126,9 +113,9 @@ def braking_held_input(x, wanted, bounds, period, gamma):
     if u == backup or not is_inside:
         return backup, value, is_inside
     target = (1.0 - gamma) * max(value, 0.0)
-    if held_value(x, u, period, bounds, period) >= target:
+    if reaches(x, u, (bounds, period), target):
         return u, value, is_inside
-    return nearest_admitted(x, u, backup, target, bounds, period), value, is_inside
+    return nearest_admitted(reaches, x, u, backup, (bounds, period), target), value, is_inside
 
 
 @kernel

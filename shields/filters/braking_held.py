@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from quadsafe_core.checks import instance_of, positive_number
 from shields.chains.braking import BrakingSet
 from shields.chains.rows import state_rows
+from shields.filters.admitted import filtered_rows
 from shields.filters.braking_backup import braking_held_batch
 
 
@@ -82,7 +83,4 @@ def _filtered(limits, rows, wanted, period, alpha):
     if rows.shape[1] != 4:
         raise ValueError(f"x must have shape (…, 4), got (…, {rows.shape[1]})")
     period = positive_number("period", period)
-    u, value, in_set = np.empty(len(rows)), np.empty(len(rows)), np.empty(len(rows), dtype=np.bool_)
-    gamma = -math.expm1(-alpha * period)
-    braking_held_batch(rows, wanted, bounds, (period, gamma), u, value, in_set)
-    return u, value, in_set
+    return filtered_rows(braking_held_batch, rows, wanted, bounds, (period, -math.expm1(-alpha * period)))

@@ -89,7 +89,7 @@ def rest_input(order, policy, x, box):
 
 
 @kernel
-def excess(x1, x2, box):
+def overshoot(x1, x2, box):
     """x_2 at rest if x_1 were braked at once, in whole periods: 0 on the curve along which ``stop`` ends."""
     if x1 >= 0.0:
         return x2 + braking_shift(x1, -box.u_min * box.period, box.period)
@@ -108,7 +108,7 @@ def climbing_periods(is_rise, x1, x2, box):
         k = np.floor(0.5 * (low + high))
         t = k * box.period
         x1_end, x2_end = x1 + t * u, x2 + t * (x1 + 0.5 * t * u)
-        if (x2_end if is_rise else excess(x1_end, x2_end, box)) <= rounding:
+        if (x2_end if is_rise else overshoot(x1_end, x2_end, box)) <= rounding:
             low = k
         else:
             high = k
@@ -118,7 +118,7 @@ def climbing_periods(is_rise, x1, x2, box):
 @kernel
 def cruising_periods(is_rise, x1, x2, box):
     """For how many periods x_1 = upper_1 is held."""
-    ahead = -x2 if is_rise else -excess(x1, x2, box)
+    ahead = -x2 if is_rise else -overshoot(x1, x2, box)
     return np.floor(ahead / (x1 * box.period)) if x1 > 0.0 else 0.0
 
 

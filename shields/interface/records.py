@@ -71,7 +71,7 @@ class FlightLimits(NamedTuple):
     band: ThrustBand
 
 
-class Flight(NamedTuple):
+class FlightRules(NamedTuple):
     """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
 
     period: float

@@ -24,7 +24,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import broadcast_rows, positive_number
+from quadsafe_core.checks import argument_rows, positive_number
 from quadsafe_core.kernels.borrow import one_row, taken
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import dot, subtract, triple, vector
@@ -209,7 +209,7 @@ def filtered_input(
 
     Reference: equation (33), Lemmas 1 and 2.
     """
-    (states, inputs, distances), leading = broadcast_rows(
+    (states, inputs, distances), leading = argument_rows(
         state=(state, (4,)), desired=(desired, ()), distance=(distance, ())
     )
     U, value = np.empty(inputs.shape), np.empty(inputs.shape)

@@ -128,7 +128,7 @@ def excess(demand, wanted):
 
 
 @kernel
-def better(first, second, wanted):
+def preferred(first, second, wanted):
     """The demand to prefer: in its set, then with less correction; the first of equals."""
     if first.is_admissible != second.is_admissible:
         return first if first.is_admissible else second
@@ -152,13 +152,14 @@ def distance_demand(x, last, wanted, distance, sampling):
     if demand.is_admissible and excess(demand, wanted) == 0.0:
         return demand
     if dot(last, last) > 0.0:
-        demand = better(demand, demand_along(last, x, wanted, distance, sampling), wanted)
+        demand = preferred(demand, demand_along(last, x, wanted, distance, sampling), wanted)
         if demand.is_admissible and excess(demand, wanted) == 0.0:
             return demand
     ahead = closest_approach(x)
     length = norm(ahead)
     if length > 0.0:
-        demand = better(demand, demand_along(scale(1 / length, ahead), x, wanted, distance, sampling), wanted)
+        along = demand_along(scale(1 / length, ahead), x, wanted, distance, sampling)
+        demand = preferred(demand, along, wanted)
     return demand
 
 

@@ -19,7 +19,7 @@ from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
 from shields.backup.stored_stop import PLAN
 from shields.interface.filtered import NUMBERS
-from shields.interface.records import Flight, FlightLimits, ThrustBand
+from shields.interface.records import FlightLimits, FlightRules, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, FLOATS
 from shields.methods.easing import Easing, easing_at
 from shields.methods.flight_bounds import FlightBounds, closing_bounds
@@ -82,7 +82,7 @@ class ShieldSettings(NamedTuple):
     """``SETTINGS`` as kernels use them; whether they are only distances; what there is not is None."""
 
     sampling: Sampling
-    flight: Flight
+    flight: FlightRules
     margin: float
     closing: tuple | None
     braking: tuple
@@ -187,7 +187,7 @@ def settings_of(s, kind):
     limits = FlightLimits(s["snap_max"], s["stop_snap_max"], s["jerk_max"], band)
     return ShieldSettings(
         Sampling(s["u_max"], s["gamma"], s["input_max"], s["period"], authority, easing),
-        Flight(s["period"], limits, (t[0], t[1], t[2], t[3])),
+        FlightRules(s["period"], limits, (t[0], t[1], t[2], t[3])),
         s["margin"],
         closing,
         (b[0], b[1], b[2]),

@@ -23,7 +23,7 @@ from shields.backup.certificate import (
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
-from shields.interface.records import Flight, FlightLimits, MovingSpheres, ThrustBand
+from shields.interface.records import FlightLimits, FlightRules, MovingSpheres, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
 from shields.methods.nearest_snap import SLACK, Row, choose_directions, direction, nearest_snap
 
@@ -131,7 +131,7 @@ def careful_snap(x, wish, spheres, row, settings):
     if is_wanted and wish.is_chosen and accept_at_once(0, row.plan, x, nearest, rows, share, flight):
         return nearest, ACCEPTED
     distances = distances_to_keep(row.plan, x, spheres, settings, settings.tube)
-    from_here = Flight(flight.period, limits_at(x, flight.limits, settings.tube), flight.gains)
+    from_here = FlightRules(flight.period, limits_at(x, flight.limits, settings.tube), flight.gains)
     snap, kind = certified_snap(row.plan, x, nearest, is_wanted, distances, from_here)
     if kind == UNCERTIFIED:
         snap = backup_snap(x, spheres, row, settings)

@@ -20,21 +20,35 @@ class RecordedShield(Protocol):
     """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
 
     @property
-    def settings(self) -> dict[str, Any]: ...  # noqa: D102
+    def settings(self) -> dict[str, Any]:
+        """Its keyword arguments."""
+        ...
 
     @property
-    def delay(self) -> int: ...  # noqa: D102
+    def delay(self) -> int:
+        """Periods for which an answer is on its way."""
+        ...
 
     @property
-    def can_lose(self) -> bool: ...  # noqa: D102
+    def can_lose(self) -> bool:
+        """Whether ``backup`` may be asked."""
+        ...
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered: ...  # noqa: D102
+    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+        """Safe snaps of N rows."""
+        ...
 
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None: ...  # noqa: D102
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget rows, or everything."""
+        ...
 
-    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]: ...  # noqa: D102
+    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Snaps (N, 3) of rows whose answer was lost."""
+        ...
 
-    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None: ...  # noqa: D102
+    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
+        """Rows fly these snaps (M, 3) in place of the last answer."""
+        ...
 
 
 @kernel

@@ -41,12 +41,12 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
-from shields.interface.records import Flight, FlightLimits, MovingSpheres, ThrustBand
+from shields.interface.records import FlightLimits, FlightRules, MovingSpheres, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
 GAINS = tuple(held_gains(4, 30.0, PERIOD).tolist())
-FLIGHT = Flight(PERIOD, LIMITS, GAINS)
+FLIGHT = FlightRules(PERIOD, LIMITS, GAINS)
 WORLD = (0.0, 0.0, 0.0)
 FRAMES = [WORLD, (0.7, -0.3, 0.2)]
 SEEDS = st.integers(0, 2**32 - 1)

@@ -225,7 +225,7 @@ def test_the_correction_is_the_least_that_a_dense_search_finds(name):
         padded = (*row.tolist(), *(0.0,) * (3 - order))
         target = math.exp(-ALPHA * period) * v
         grid = np.linspace(box.bounds.u_min, box.bounds.u_max, 301)
-        found = [g for g in grid if admits(order, padded, g, limits, target)]
+        found = [g for g in grid if admits(padded, g, (order, limits), target)]
         if found:
             excess.append(abs(u - wanted) - min(abs(g - wanted) for g in found))
     # the grid's width; where the admitted inputs are several pieces the scan may miss the nearest one
@@ -374,7 +374,7 @@ def test_the_answer_is_admitted_and_no_input_a_little_nearer_to_the_desired_one_
         )
         assert best >= target - 1e-12
         if abs(near - answer) > 1e-6:
-            assert not admits(3, state, answer + math.copysign(1e-6, near - answer), limits, target)
+            assert not admits(state, answer + math.copysign(1e-6, near - answer), (3, limits), target)
 
 
 @pytest.mark.interpreted

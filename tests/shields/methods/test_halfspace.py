@@ -16,12 +16,12 @@ from shields.methods.authority_limits import limit_demand
 from shields.methods.halfspace import (
     Demand,
     Sampling,
-    better,
     closest_approach,
     closing_along,
     demand_along,
     distance_demand,
     excess,
+    preferred,
 )
 
 U_MAX, ALPHA, DISTANCE = 200.0, 2.0, 0.5
@@ -151,11 +151,11 @@ def test_the_first_of_equal_demands_is_preferred():
     first = demand_along((1.0, 0.0, 0.0), x, wanted, DISTANCE, sampling)
     second = demand_along((0.8, 0.6, 0.0), x, wanted, DISTANCE, sampling)
     inside = demand_along((0.0, 1.0, 0.0), x, wanted, DISTANCE, sampling)
-    assert better(first, second, wanted) == first
-    assert better(second, first, wanted) == second
+    assert preferred(first, second, wanted) == first
+    assert preferred(second, first, wanted) == second
     # Across the line of sight the distance is 0: not in the set.
     assert not inside.is_admissible
-    assert better(inside, first, wanted) == better(first, inside, wanted) == first
+    assert preferred(inside, first, wanted) == preferred(first, inside, wanted) == first
 
 
 @pytest.mark.interpreted
@@ -241,8 +241,8 @@ def test_membership_comes_first_then_the_correction_or_outside_the_value():
     little, much = Demand(n, 6.0, 0.5, True), Demand(n, 9.0, 3.0, True)
     near, far = Demand(n, 2.0, -0.1, False), Demand(n, 1.0, -0.5, False)
     for best, other in ((little, much), (much, near), (little, far), (near, far)):
-        assert better(best, other, wanted) == better(other, best, wanted) == best
+        assert preferred(best, other, wanted) == preferred(other, best, wanted) == best
     # none asks for a correction: the first stays
     free = Demand(n, 4.0, 9.0, True), Demand(n, 3.0, 1.0, True)
-    assert better(*free, wanted) == free[0] and better(*free[::-1], wanted) == free[1]
+    assert preferred(*free, wanted) == free[0] and preferred(*free[::-1], wanted) == free[1]
     assert excess(little, wanted) == 1.0 and excess(free[0], wanted) == 0.0
