@@ -44,7 +44,7 @@ _THEORY = {
 }
 
 __all__ = ["Authority", "Filtered", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
-__all__ += _THEORY  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ += list(_THEORY)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

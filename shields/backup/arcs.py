@@ -8,7 +8,8 @@ is where the control points are.
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector
-from shields.chains.flat_state import flown
+from shields.chains.flat_state import Flat, flown  # noqa: F401 - Flat was imported from here before
+from shields.interface.records import ThrustBand  # noqa: F401 - it was imported from here before
 
 # An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
 # hull of the control points is then within a millimetre of the path.

@@ -33,7 +33,12 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
-from shields.interface.records import MovingSpheres, Obstacles, ThrustBand
+from shields.interface.records import (
+    FlightLimits,  # noqa: F401 - it was imported from here before
+    MovingSpheres,
+    Obstacles,
+    ThrustBand,
+)
 
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)

@@ -52,6 +52,33 @@ def test_a_module_that_moved_is_the_same_one_under_its_old_path(old, new):
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("path", "names"),
+    [
+        ("shields.arcs", "Flat flown ThrustBand"),
+        ("shields.box_held", "sampled_box_input sampled_box_value"),
+        ("shields.braking", "BrakingSet"),
+        ("shields.certificate", "NOTHING SEGMENTS dead_beat_snap FlightLimits"),
+        ("shields.composite", "BoxSet LowerSet"),
+        ("shields.halfspace", "Sampling distance_demand excess"),
+        ("shields.integrator", "flow lower_value upper_value"),
+        ("shields.radial", "radial_state radial_snap"),
+        ("shields.sampled", "sampled_input sampled_value"),
+        ("shields.tangency", "lower_input upper_input"),
+        ("shields.uncertainty", "Uncertainty predicted_error tube_at tube_of"),
+        ("quadsafe_env.dynamics", "derivative step"),
+        ("quadsafe_env.flatness", "flat_state snap_from_wrench wrench_from_snap"),
+        ("quadsafe_env.params", "QuadrotorParams"),
+        ("quadsafe_env.state", "ATTITUDE OMEGA THRUST"),
+    ],
+)
+def test_what_the_docs_ever_imported_is_still_where_they_said(path, names):
+    module = importlib.import_module(path)
+    for name in names.split():
+        assert hasattr(module, name), name
+
+
 def test_what_never_was_there_is_not_found():
     with pytest.raises(ModuleNotFoundError, match=r"shields\.nothing"):
         importlib.import_module("shields.nothing")

@@ -15,7 +15,7 @@ PRIVATE = re.compile(r"numba\.(core|np|misc|cpython|typed|experimental)\b|llvmli
 # Documented for those who extend numba, but bound to its compiler all the same; ``register_jitable`` is not.
 EXTENDING = re.compile(r"numba\.extending\.(?!register_jitable$)")
 # The modules of the room that may use either.
-PRIVATE_HERE, EXTENDING_HERE = {"jit.py", "lanes.py"}, {"borrow.py", "choice.py", "lanes.py"}
+PRIVATE_HERE, EXTENDING_HERE = {"jit.py", "lanes.py"}, {"borrow.py", "choice.py", "lanes.py", "ravel.py"}
 
 
 def imported(file):
