@@ -56,6 +56,8 @@ SETTINGS = np.dtype(
 )
 # The half-space that a sphere asked for last: its direction, and the least input along it, m/s⁴.
 HALF_SPACE = np.dtype([("n", "f8", (3,)), ("least", "f8")])
+# Stands where there is no authority: without the JIT a tuple is made of it in any case, and checked.
+UNREAD = Authority(1.0, 1.0, 1.0, 20.0, 9.81)
 SETTINGS_ROW, PLANS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=PLAN)
 HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
 
@@ -210,7 +212,7 @@ def write_settings(
     record["recovery"] = held_gains(3, RECOVERY_POLE, period)
     record["easing"], record["easing_left"], record["easing_within"] = easing_at(period, settings["margin"])
     record["closing"] = closing_bounds(settings)
-    record["authority"] = 0.0 if bounds.authority is None else bounds.authority
+    record["authority"] = bounds.authority or UNREAD
 
 
 def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool) -> Kind:

@@ -150,13 +150,13 @@ def test_arrays_are_carved_out_of_one(kind):
     ]
 
 
-RECORD = np.dtype([("flag", "?"), ("x", "f8", (3,))], align=True)
-RECORDS, NUMBERS = np.zeros(0, dtype=RECORD), np.zeros(0)
+PAIR = np.dtype([("flag", "?"), ("x", "f8", (3,))], align=True)
+PAIRS, NUMBERS = np.zeros(0, dtype=PAIR), np.zeros(0)
 
 
 @kernel
 def filled(memory, n):
-    records, rest = taken(memory, RECORDS, (n,))
+    records, rest = taken(memory, PAIRS, (n,))
     numbers, rest = taken(rest, NUMBERS, (n, 2))
     for i in range(n):
         records[i]["flag"], numbers[i, 1] = True, 10.0 * i
@@ -165,10 +165,10 @@ def filled(memory, n):
 
 @pytest.mark.interpreted
 def test_parts_are_taken_one_behind_the_other_until_nothing_is_left():
-    memory = np.zeros(3 * (RECORD.itemsize + 16) + 5, dtype=np.uint8)
+    memory = np.zeros(3 * (PAIR.itemsize + 16) + 5, dtype=np.uint8)
     assert filled(memory, 3) == (3, 6, 5)
     # From Python they are views with an owner.
-    records, rest = taken(memory, RECORDS, (3,))
+    records, rest = taken(memory, PAIRS, (3,))
     numbers, left = taken(rest, NUMBERS, (3, 2))
     assert records["flag"].all() and numbers[:, 1].tolist() == [0.0, 10.0, 20.0] and left.size == 5
     assert all(np.shares_memory(part, memory) for part in (records, numbers, left))
