@@ -72,8 +72,7 @@ def build_world(
         sphere_count: number of spheres of a forest.
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
-        desired
-            yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
+            desired yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
 
     Raises:

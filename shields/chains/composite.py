@@ -4,7 +4,7 @@
     BoxSet     lower_i <= x_i <= upper_i for all i      h(x) = min over both sides              (24), (28)
 
 Lower bounds never contradict each other: u_max serves all of them (Prop. 4). The upper bounds are lower bounds
-of the mirrored system, -x under -u. BoxBounds that are absent are infinite.
+of the mirrored system, -x under -u. Bounds that are absent are infinite.
 """
 
 import math
@@ -40,7 +40,7 @@ def largest_term(x, u_max, t, bound):
 
 @kernel
 def lower_set_row(x, lower, u_max, work):
-    """(25): set value, the same with rounding in its favour, and the least input by Lemma 2."""
+    """(25): value, that with rounding in its favour, least input by Lemma 2; ``work``: see ``lower_row``."""
     value, favoured, least_input = math.inf, math.inf, -math.inf
     for i in range(len(x)):
         if lower[i] == -math.inf:

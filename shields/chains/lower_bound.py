@@ -182,7 +182,7 @@ def sensitivity(order, t_star):
 
 @kernel
 def lower(order, x, u_max):
-    """g_n above 0 and t_star."""
+    """g_n over a bound of 0, and t_star; ``x`` as in ``held_lower``."""
     if order == 4:
         return lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
     if order == 3:
@@ -194,7 +194,7 @@ def lower(order, x, u_max):
 
 @kernel
 def lower_parts(order, x, u, period, u_max):
-    """Least x_n and its time, within the period and from its end on."""
+    """Least x_n and its time, within the period and from its end on; ``x`` as in ``held_lower``."""
     y = derivatives(order, x, u)
     dip, t_dip = lowest_in_period(y, period)
     tail, t_tail = lower(order, state_after(y, period), u_max)

@@ -9,6 +9,7 @@ from quadsafe_core.checks import finite_array
 
 Array = NDArray[np.float64]
 MAX_ORDER = 100
+# The smallest float with all its digits: the reciprocal of an input's bound is finite.
 SMALLEST = 2.2250738585072014e-308
 
 

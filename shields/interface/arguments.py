@@ -14,6 +14,7 @@ from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, LARGEST, MOVI
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
 LONGEST_PERIOD = 2.0  # s
+# The keys of a snapshot of ``Shield``.
 SNAPSHOT = {"memory", "size", "period", "is_single"}
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 

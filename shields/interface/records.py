@@ -17,7 +17,7 @@ class ThrustBand(NamedTuple):
 
 
 class MovingSpheres(NamedTuple):
-    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
+    """Spheres of one world: centres (K, 3), m, velocities, m/s, distances to keep (K,), m, 0 for none."""
 
     center: np.ndarray
     velocity: np.ndarray
@@ -51,7 +51,7 @@ class Answers(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+    """A half-space ``n·u ≥ least``, m/s⁴, the set value along n, and whether the state is in that set."""
 
     n: tuple
     least: float
@@ -72,7 +72,7 @@ class FlightLimits(NamedTuple):
 
 
 class FlightRules(NamedTuple):
-    """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
+    """How a vehicle is flown: the control period, s, the limits, the gains (4,) that hold it on a stop."""
 
     period: float
     limits: FlightLimits

@@ -1,4 +1,4 @@
-"""The safety filter of Section V-C, in closed form.
+"""The safety filter of Section V-C with control barrier functions (CBF), in closed form.
 
     minimise |U − U_des|   subject to   ℒg_i(U) + α g_i ≥ 0   for i = 1 … 4                        (33)
 

@@ -97,9 +97,9 @@ class Tube(NamedTuple):
     """Bounds of the deviation from a stored stop, and of the feedback.
 
     Args:
-        deviation: (4,) of r, v, a, j at every instant.
-        feedback: of the snap k·(x̄ − x̂).
-        error: (4,) of the state that the shield works on.
+        deviation: (4,) of r, v, a, j at every instant, SI.
+        feedback: of the snap k·(x̄ − x̂), m/s⁴.
+        error: (4,) of the state that the shield works on, SI.
         gains: k, (4,).
     """
 
