@@ -33,7 +33,7 @@ def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> ND
     states = exact_array("state", value, (*leading, STATE_SIZE)).copy()
     rows = states.reshape(-1, STATE_SIZE)
     _put_on_rotations(rows, leading)
-    most = world.params.thrust_max if world._rotors is not None else np.inf
+    most = world.params.thrust_max if world.rotor_limits else np.inf
     _check_thrust(rows[:, THRUST], leading, world.params.thrust_min, most)
     _check_turn(rows[:, OMEGA:THRUST], leading, 1.0 / world.rates.physics)
     return states

@@ -3,7 +3,7 @@
 Every draw is a hash of the scene's integer, and of the number of control periods flown where it is not one of
 the whole episode. So nothing random is remembered, and a scene flown again is the same flight.
 
-In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``MEMORY``.
+In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``WEATHER``.
 """
 
 import math
@@ -42,7 +42,7 @@ ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 # | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
 # | through    | 4        | snap, m/s⁴, and yaw acceleration, rad/s², that got through last         |
 # | flown      | 4        | snap and yaw acceleration that are flown in this period                 |
-MEMORY = np.dtype(
+WEATHER = np.dtype(
     [
         ("keys", np.int64, 4),
         ("bias", np.float64, (4, 3)),
@@ -102,15 +102,15 @@ def period_key(m):
 
 
 @kernel
-def draw_rows(rows, words, numbers, memory, line):
+def draw_rows(rows, words, numbers, weather, line):
     """Draw what holds for the episode of rows that begin one, and forget the last one.
 
-    Here and below ``numbers`` are a ``Disturbance``, raveled; ``memory`` (N,) is of the dtype ``MEMORY``, and
+    Here and below ``numbers`` are a ``Disturbance``, raveled; ``weather`` (N,) is of the dtype ``WEATHER``, and
     ``line`` (N, k, 4) the delay line of snaps and yaw accelerations. ``words`` are (N, 2).
     """
     d = unraveled(numbers, Disturbance)
     for i in rows:
-        m, base = memory[i], derived_key(Key(words[i, 0], words[i, 1]), STREAM)
+        m, base = weather[i], derived_key(Key(words[i, 0], words[i, 1]), STREAM)
         key, later = derived_key(base, 0), derived_key(base, 1)
         keys = m["keys"]
         keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
@@ -133,11 +133,11 @@ def error_of(order, d, m):
 
 
 @kernel
-def estimate_batch(numbers, memory, gains, flat, snap):
+def estimate_batch(numbers, weather, gains, flat, snap):
     """Flat states (N, 4, 3) with their errors, and snaps (N, 3) of the feedback from these; a nan stays nan."""
     d = unraveled(numbers, Disturbance)
     for i in range(flat.shape[0]):
-        m = memory[i]
+        m = weather[i]
         r, v, a, j = error_of(0, d, m), error_of(1, d, m), error_of(2, d, m), error_of(3, d, m)
         for axis in range(3):
             flat[i, 0, axis] += r[axis]
@@ -148,27 +148,27 @@ def estimate_batch(numbers, memory, gains, flat, snap):
 
 
 @kernel
-def estimated_states(rows, numbers, memory, states):
+def estimated_states(rows, numbers, weather, states):
     """Estimated position and velocity in place of the true ones, in the given rows of states (N, 20)."""
     d = unraveled(numbers, Disturbance)
     for i in rows:
-        r, v = error_of(0, d, memory[i]), error_of(1, d, memory[i])
+        r, v = error_of(0, d, weather[i]), error_of(1, d, weather[i])
         for axis in range(3):
             states[i, axis] += r[axis]
             states[i, 3 + axis] += v[axis]
 
 
 @kernel
-def lost_batch(numbers, memory, lost):
+def lost_batch(numbers, weather, lost):
     """Whether the answer of the present period is lost, (N,)."""
     d = unraveled(numbers, Disturbance)
     for i in range(lost.shape[0]):
-        key, n = period_key(memory[i])
+        key, n = period_key(weather[i])
         lost[i] = uniform(key, n + LOSS, 0.0, 1.0) < d.loss
 
 
 @kernel
-def deliver_batch(memory, line, lost, snap, yaw_acceleration, backup):
+def deliver_batch(weather, line, lost, snap, yaw_acceleration, backup):
     """What is flown of the answers, snaps (N, 3) and yaw accelerations (N,): past losses, delay and gain.
 
     In place of a lost answer stand its snap in ``backup`` (N, 3), or without any, (0, 3), the last one that got
@@ -176,7 +176,7 @@ def deliver_batch(memory, line, lost, snap, yaw_acceleration, backup):
     """
     delay = line.shape[1]
     for i in range(snap.shape[0]):
-        m = memory[i]
+        m = weather[i]
         through, flown, gain = m["through"], m["flown"], m["gain"]
         if not lost[i]:
             through[0], through[1], through[2] = snap[i, 0], snap[i, 1], snap[i, 2]

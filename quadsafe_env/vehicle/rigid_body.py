@@ -58,20 +58,6 @@ def derivative_kernel(s, wrench, params):
 
 
 @inline_kernel
-def axpy(h, k, s):
-    """``s + h k`` on state tuples."""
-    # fmt: off
-    return (
-        fma(h, k[0], s[0]), fma(h, k[1], s[1]), fma(h, k[2], s[2]), fma(h, k[3], s[3]),
-        fma(h, k[4], s[4]), fma(h, k[5], s[5]), fma(h, k[6], s[6]), fma(h, k[7], s[7]),
-        fma(h, k[8], s[8]), fma(h, k[9], s[9]), fma(h, k[10], s[10]), fma(h, k[11], s[11]),
-        fma(h, k[12], s[12]), fma(h, k[13], s[13]), fma(h, k[14], s[14]), fma(h, k[15], s[15]),
-        fma(h, k[16], s[16]), fma(h, k[17], s[17]), fma(h, k[18], s[18]), fma(h, k[19], s[19]),
-    )
-    # fmt: on
-
-
-@inline_kernel
 def times_symmetric(a, b, c, diagonal, off):
     """Row (a, b, c) times the symmetric matrix with this diagonal and off-diagonal (xy, yz, zx)."""
     row = (a, b, c)

@@ -32,7 +32,7 @@ from shields.filters.held_rest import (
     FALL,
     RISE,
     STOP,
-    Box,
+    HeldBox,
     extremes_of_arc,
     extremes_to_rest,
     margin_of,
@@ -165,7 +165,7 @@ def _filtered(
     return filtered_rows(box_held_batch, rows, wanted, limits, (period, -math.expm1(-alpha * period)))
 
 
-def _held_box(box: BoxSet, period: float) -> Box:
+def _held_box(box: BoxSet, period: float) -> HeldBox:
     lower, upper, u_min, u_max = instance_of("box", box, BoxSet).bounds
     if not ((lower[:-1] <= 0.0) & (upper[:-1] >= 0.0)).all():
         raise ValueError(
@@ -173,4 +173,4 @@ def _held_box(box: BoxSet, period: float) -> Box:
         )
     absent = [math.inf] * (3 - len(lower))
     low, high = (*lower.tolist(), *(-b for b in absent)), (*upper.tolist(), *absent)
-    return Box(low, high, u_min, u_max, period)
+    return HeldBox(low, high, u_min, u_max, period)

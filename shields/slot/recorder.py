@@ -11,7 +11,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
-from shields.interface.row_checks import BRAKING_POLE, LARGEST, ROUNDING, answers_in
+from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP
 from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
 
@@ -112,7 +112,7 @@ def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
     n = len(flat)
     gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros(NUMBERS * n)
     answer = Filtered(numbers, (n,))
-    measured = np.where(np.abs(flat[:, 1:]) < LARGEST, flat[:, 1:], np.nan)
+    measured = np.where(np.abs(flat[:, 1:]) < TOO_FAR, flat[:, 1:], np.nan)
     snaps = -np.einsum("o,noi->ni", gains, measured)
     answer.snap[:] = np.where(np.isfinite(snaps), snaps, 0.0)
     facts = answer.facts
