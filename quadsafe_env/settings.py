@@ -37,7 +37,8 @@ DISTURBED_WORLDS: dict[str | None, type[DisturbedWorld]] = {
     "rgb_array": FilmedDisturbedWorld,
     "human": ShownDisturbedWorld,
 }
-SINGLE = np.dtype(np.float32)
+# Of an action.
+ENTRY = np.dtype(np.float32)
 
 
 def build_world(
@@ -158,12 +159,7 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     Raises:
         TypeError, ValueError: for anything else.
     """
-    if (
-        type(value) is np.ndarray
-        and value.dtype == SINGLE
-        and value.flags.c_contiguous
-        and value.shape == shape
-    ):
+    if type(value) is np.ndarray and value.dtype == ENTRY and value.flags.c_contiguous and value.shape == shape:
         return value
     try:
         wide = real_array(value)

@@ -51,10 +51,8 @@ class DisturbedWorld(World):
 
     def _allocate(self, k: int) -> None:
         super()._allocate(k)
-        self._weather, self._line = (
-            np.zeros(self.n, dtype=WEATHER),
-            np.zeros((self.n, self.conditions.delay, 4)),
-        )
+        self._weather = np.zeros(self.n, dtype=WEATHER)
+        self._line = np.zeros((self.n, self.conditions.delay, 4))
         self._lost = np.zeros(self.n, dtype=np.bool_)
         self._everyone = np.arange(self.n)
 
