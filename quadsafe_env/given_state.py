@@ -39,6 +39,13 @@ def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> ND
     return states
 
 
+def nearest_rotations(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotations nearest to matrices (N, 3, 3) in the Frobenius norm."""
+    left, _, right = np.linalg.svd(matrices)
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
+    return left @ right
+
+
 def _put_on_rotations(rows: NDArray[np.float64], leading: tuple[int, ...]) -> None:
     attitudes = rows[:, ATTITUDE:OMEGA].reshape(-1, 3, 3)
     nearest = nearest_rotations(attitudes)
@@ -52,13 +59,6 @@ def _put_on_rotations(rows: NDArray[np.float64], leading: tuple[int, ...]) -> No
         )
     rough = off > ROUNDING
     rows[rough, ATTITUDE:OMEGA] = nearest[rough].reshape(-1, 9)
-
-
-def nearest_rotations(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotations nearest to matrices (N, 3, 3) in the Frobenius norm."""
-    left, _, right = np.linalg.svd(matrices)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
-    return left @ right
 
 
 def _check_thrust(thrusts: NDArray[np.float64], leading: tuple[int, ...], least: float, most: float) -> None:

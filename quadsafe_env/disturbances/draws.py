@@ -101,6 +101,41 @@ def period_key(m):
     return Key(m["keys"][2], m["keys"][3]), PER_PERIOD * m["periods"]
 
 
+@inline_kernel
+def error_of(order, d, m):
+    """The present error of the estimate of a derivative of the position of a row: noise plus bias."""
+    key, n = period_key(m)
+    return add(in_ball(key, n + ERROR + 3 * order, d.noise[order]), vector(m["bias"][order]))
+
+
+@inline_kernel
+def gust_of(time, d, m):
+    """Acceleration of the gust of a row at a time of the episode, s: (1 − cos)/2 over its length."""
+    window = math.floor(time / GUST_PERIOD)
+    key, n = episode_key(m), GUSTS + 3 * window
+    begin = window * GUST_PERIOD + uniform(key, n, 0.0, GUST_PERIOD - GUST_LENGTH)
+    phase = (time - begin) / GUST_LENGTH
+    if d.gust == 0.0 or phase <= 0.0 or phase >= 1.0:
+        return (0.0, 0.0, 0.0)
+    return directed(key, n + 1, 0.5 * d.gust * (1.0 - math.cos(2.0 * math.pi * phase)))
+
+
+@inline_kernel
+def air_of(time, d, m):
+    """Acceleration by the air in the present period of a row, m/s², and a step of its turbulence."""
+    wind = vector(m["wind"])
+    if d.turbulence == 0.0:
+        return add(wind, gust_of(time, d, m))
+    rough = vector(m["turbulence"])
+    most, (key, n) = TURBULENCE_LIMIT * d.turbulence, period_key(m)
+    white = normal_triple(key, n + WHITE, d.turbulence * math.sqrt(1.0 - d.turbulence_kept**2))
+    for axis in range(3):
+        m["turbulence"][axis] = d.turbulence_kept * rough[axis] + white[axis]
+    size = norm(rough)
+    felt = scale(most / size, rough) if size > most else rough
+    return add(add(wind, gust_of(time, d, m)), felt)
+
+
 @kernel
 def draw_rows(rows, words, numbers, weather, line):
     """Draw what holds for the episode of rows that begin one, and forget the last one.
@@ -123,13 +158,6 @@ def draw_rows(rows, words, numbers, weather, line):
         m["gain"] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
         m["mass"] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
         m["inertia"] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
-
-
-@inline_kernel
-def error_of(order, d, m):
-    """The present error of the estimate of a derivative of the position of a row: noise plus bias."""
-    key, n = period_key(m)
-    return add(in_ball(key, n + ERROR + 3 * order, d.noise[order]), vector(m["bias"][order]))
 
 
 @kernel
@@ -189,31 +217,3 @@ def deliver_batch(weather, line, lost, snap, yaw_acceleration, backup):
             (x, place[0]), (y, place[1]) = (place[0], x), (place[1], y)
             (z, place[2]), (turn, place[3]) = (place[2], z), (place[3], turn)
         flown[0], flown[1], flown[2], flown[3] = gain * x, gain * y, gain * z, turn
-
-
-@inline_kernel
-def gust_of(time, d, m):
-    """Acceleration of the gust of a row at a time of the episode, s: (1 − cos)/2 over its length."""
-    window = math.floor(time / GUST_PERIOD)
-    key, n = episode_key(m), GUSTS + 3 * window
-    begin = window * GUST_PERIOD + uniform(key, n, 0.0, GUST_PERIOD - GUST_LENGTH)
-    phase = (time - begin) / GUST_LENGTH
-    if d.gust == 0.0 or phase <= 0.0 or phase >= 1.0:
-        return (0.0, 0.0, 0.0)
-    return directed(key, n + 1, 0.5 * d.gust * (1.0 - math.cos(2.0 * math.pi * phase)))
-
-
-@inline_kernel
-def air_of(time, d, m):
-    """Acceleration by the air in the present period of a row, m/s², and a step of its turbulence."""
-    wind = vector(m["wind"])
-    if d.turbulence == 0.0:
-        return add(wind, gust_of(time, d, m))
-    rough = vector(m["turbulence"])
-    most, (key, n) = TURBULENCE_LIMIT * d.turbulence, period_key(m)
-    white = normal_triple(key, n + WHITE, d.turbulence * math.sqrt(1.0 - d.turbulence_kept**2))
-    for axis in range(3):
-        m["turbulence"][axis] = d.turbulence_kept * rough[axis] + white[axis]
-    size = norm(rough)
-    felt = scale(most / size, rough) if size > most else rough
-    return add(add(wind, gust_of(time, d, m)), felt)

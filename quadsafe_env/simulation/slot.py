@@ -9,6 +9,11 @@ from numpy.typing import NDArray
 from quadsafe_core.checks import shaped_array
 
 FLOAT = np.dtype(np.float64)
+# What ``done`` says where no filter acts.
+NOTHING_DONE = (False, -1)
+# Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
+Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
+Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
 
 
 class SafeSnaps(Protocol):
@@ -16,28 +21,6 @@ class SafeSnaps(Protocol):
 
     @property
     def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
-
-
-def safe_snaps(answer: SafeSnaps, n: int) -> NDArray[np.float64]:
-    """The snaps (N, 3) of an answer, as the plant can fly them.
-
-    Raises:
-        TypeError, ValueError: for no numbers or another shape.
-    """
-    snap = answer.snap
-    if type(snap) is np.ndarray and snap.dtype is FLOAT and snap.shape == (n, 3) and snap.flags.carray:
-        return snap
-    rows = shaped_array("snap of the filter in the slot", snap, (3,))
-    if rows.shape != (n, 3):
-        raise ValueError(f"snap of the filter in the slot must have shape {(n, 3)}, got {rows.shape}")
-    return np.array(rows, dtype=np.float64, order="C")
-
-
-# What ``done`` says where no filter acts.
-NOTHING_DONE = (False, -1)
-# Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
-Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
-Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
 
 
 class MinimalFilter(Protocol):
@@ -126,3 +109,18 @@ def completed(given: MinimalFilter) -> SnapFilter:
     """A filter that can be asked all, the given one if it can."""
     is_complete = hasattr(given, "done") and hasattr(given, "backup")
     return cast(SnapFilter, given) if is_complete else Completed(given)
+
+
+def safe_snaps(answer: SafeSnaps, n: int) -> NDArray[np.float64]:
+    """The snaps (N, 3) of an answer, as the plant can fly them.
+
+    Raises:
+        TypeError, ValueError: for no numbers or another shape.
+    """
+    snap = answer.snap
+    if type(snap) is np.ndarray and snap.dtype is FLOAT and snap.shape == (n, 3) and snap.flags.carray:
+        return snap
+    rows = shaped_array("snap of the filter in the slot", snap, (3,))
+    if rows.shape != (n, 3):
+        raise ValueError(f"snap of the filter in the slot must have shape {(n, 3)}, got {rows.shape}")
+    return np.array(rows, dtype=np.float64, order="C")

@@ -32,6 +32,14 @@ def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[in
     return [rows, *(_spread(array, shape).reshape(-1) for array in arrays)], shape
 
 
+def checked_input(name: str, value: float) -> float:
+    """One ``u_max`` above 0 or ``u_min`` below 0 as a float."""
+    array = _checked(name, value)
+    if array.ndim != 0:
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return float(array)
+
+
 def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     """``array`` broadcast to a shape, writable: kernels would compile once more for read-only arrays."""
     if array.shape == shape and array.flags.writeable:
@@ -39,14 +47,6 @@ def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     if array.ndim == 0:
         return np.full(shape, array)
     return np.broadcast_to(array, shape).copy()
-
-
-def checked_input(name: str, value: float) -> float:
-    """One ``u_max`` above 0 or ``u_min`` below 0 as a float."""
-    array = _checked(name, value)
-    if array.ndim != 0:
-        raise TypeError(f"{name} must be a number, got {value!r}")
-    return float(array)
 
 
 def _checked(name: str, value: ArrayLike) -> Array:
