@@ -1,6 +1,25 @@
 """What kernels pass to each other: what was measured, what is answered, what a certified flight keeps to.
 
-Arrays in tuples are for kernels alone: from Python they would take microseconds to cross.
+Arrays in tuples are for kernels alone: from Python they would take microseconds to cross. What kernels of
+``shields.backup`` and ``shields.methods`` are given has the same name, shape and unit everywhere:
+
+| parameter       | what it is                                                                               |
+|-----------------|------------------------------------------------------------------------------------------|
+| i, k            | a row, a vehicle; a sphere of it                                                         |
+| x               | ``Flat``, world frame, SI; relative to a sphere where that is said                       |
+| snap, wanted, u | 3 numbers, m/s⁴: any; the desired one; what would be flown                               |
+| n               | a direction, 3 numbers, of length 1 in half-spaces                                       |
+| spheres         | ``Obstacles`` beside a row i, else the ``MovingSpheres`` of one world                    |
+| distance, keep  | to keep from a centre, m; ``share``: the same in radii                                   |
+| plan            | a stored stop, ``shields.backup.stored_stop.PLAN``                                       |
+| frame           | w, with which a stop ends, m/s                                                           |
+| start, h        | when something begins, from now on, s; length of a segment of a stop, s                  |
+| period          | Δ of control, s                                                                          |
+| band, limits    | ``ThrustBand``, ``FlightLimits``                                                         |
+| flight          | ``FlightRules``                                                                          |
+| gains           | of a feedback on (r, v, a, j) or (v, a, j)                                               |
+| settings, tube  | ``ShieldSettings`` and ``Width``, or None, of ``shields.methods.memory``                 |
+| fact            | one row of ``FACTS``                                                                     |
 """
 
 from typing import NamedTuple

@@ -15,6 +15,7 @@ from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
 from shields.filters.sampled import required
 from shields.interface.records import Demand
 
+# Jerk, ceiling, floor.
 LIMITS = 3
 
 
