@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from quadsafe_core.checks import shaped_array
 
 FLOAT = np.dtype(np.float64)
+Floats = NDArray[np.float64]
 # What ``done`` says where no filter acts.
 NOTHING_DONE = (False, -1)
 # Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
@@ -26,8 +27,16 @@ class SafeSnaps(Protocol):
 class MinimalFilter(Protocol):
     """What may be put in the slot between the desired and the safe snap, called once per control period."""
 
-    def filter(self, flat, center, radius, snap, period: float) -> SafeSnaps:
-        """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> SafeSnaps:
+        """Safe snaps of one control period.
+
+        Args:
+            flat: (N, 4, 3) r, ṙ, r̈, r⃛, world frame, SI.
+            center: (N, K, 3) centres of the keep-out spheres, m.
+            radius: (N, K) their radii, m; 0 for an absent one.
+            snap: (N, 3) desired snaps, m/s⁴.
+            period: for how long the answer is held, s.
+        """
         ...
 
     def reset(self, mask: NDArray[np.bool_]) -> None:

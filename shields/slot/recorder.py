@@ -15,6 +15,8 @@ from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answer
 from shields.slot.info import KEYS, MASKS, STEP
 from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
 
+Floats = NDArray[np.float64]
+
 
 class RecordedShield(Protocol):
     """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
@@ -34,7 +36,7 @@ class RecordedShield(Protocol):
         """Whether ``backup`` may be asked."""
         ...
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
         """Safe snaps of N rows."""
         ...
 
@@ -146,7 +148,7 @@ class Recorder:
         """Open a policy step."""
         self._periods, self._begun = 0, None
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
         try:
             answer = self.shield.filter(flat, center, radius, snap, period)
