@@ -20,10 +20,7 @@ from quadsafe_core.maths.polynomials import LARGEST
 from shields.chains.capped_third_order import capped3
 from shields.chains.integrator import lower_row, required_input
 from shields.chains.maximality import BoxBounds, why_not_maximal
-from shields.chains.rows import MAX_ORDER, Array, checked_input, state_rows
-
-# A set value of less than this times the largest term of its sum is rounding, and counts as zero.
-ROUNDING = 64 * 2.220446049250313e-16
+from shields.chains.rows import MAX_ORDER, ROUNDING, Array, checked_input, state_rows
 
 
 @kernel

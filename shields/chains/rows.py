@@ -1,4 +1,4 @@
-"""Checked rows of integrator states, for the public functions of the theory."""
+"""Checked rows of integrator states, for the public functions of the theory, and what is rounding there."""
 
 import math
 
@@ -11,6 +11,8 @@ Array = NDArray[np.float64]
 MAX_ORDER = 100
 # The smallest float with all its digits: the reciprocal of an input's bound is finite.
 SMALLEST = 2.2250738585072014e-308
+# A set value of less than this times the largest term of its sum is rounding, and counts as zero.
+ROUNDING = 64 * 2.220446049250313e-16
 
 
 def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:

@@ -5,7 +5,7 @@ Arrays in tuples are for kernels alone: from Python they would take microseconds
 
 | parameter       | what it is                                                                               |
 |-----------------|------------------------------------------------------------------------------------------|
-| i, k            | a row, a vehicle; a sphere of it                                                         |
+| i, k            | a row, a vehicle; a sphere of it; in batches n and k are N and K                         |
 | x               | ``Flat``, world frame, SI; relative to a sphere where that is said                       |
 | snap, wanted, u | 3 numbers, m/s⁴: any; the desired one; what would be flown                               |
 | n               | a direction, 3 numbers, of length 1 in half-spaces                                       |
