@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 FLOAT = np.dtype(np.float64)
 # Kinds of NumPy's types that are real numbers: integers, without and with a sign, and floats.
 REAL = "iuf"
+Tuple = TypeVar("Tuple", bound=tuple)
 
 
 def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
@@ -43,20 +44,6 @@ def output_array(name: str, value: NDArray[np.float64], shape: tuple[int, ...]) 
     return value
 
 
-def _kind(value: object) -> str:
-    if not isinstance(value, np.ndarray):
-        return repr(value)
-    shape, flags = value.shape, value.flags
-    return f"{value.dtype} of shape {shape}, C-ordered: {flags.c_contiguous}, writeable: {flags.writeable}"
-
-
-def _as_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    try:
-        return real_array(value)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
-
-
 def real_array(value: ArrayLike) -> NDArray[np.float64]:
     """``value`` as C-ordered float64; NumPy would also read strings, truth values and real parts as numbers.
 
@@ -67,10 +54,6 @@ def real_array(value: ArrayLike) -> NDArray[np.float64]:
     if not (found.dtype.kind in REAL or (found.dtype.kind == "O" and all(map(_is_number, found.flat)))):
         raise TypeError
     return np.asarray(found, dtype=np.float64, order="C")
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, Number) and not isinstance(value, bool | np.bool_)
 
 
 def finite_number(name: str, value: float) -> float:
@@ -109,33 +92,6 @@ def one_of(name: str, value: str, options: Sequence[str]) -> str:
     if not isinstance(value, str) or value not in options:
         raise ValueError(f"{name} must be one of {', '.join(map(repr, options))}, got {value!r}")
     return value
-
-
-def _number(name, value, expected, accepts) -> float:
-    try:
-        if np.ndim(value) != 0:
-            raise TypeError
-        number = float(real_array(value))
-    except (TypeError, ValueError, OverflowError) as error:
-        raise TypeError(f"{name} must be {expected}, got {value!r}") from error
-    if not accepts(number):
-        raise ValueError(f"{name} must be {expected}, got {value!r}")
-    return number
-
-
-def _first_non_finite(array: NDArray) -> str:
-    where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-    return f"{array[where]} at index {where}" if where else f"{array[()]}"
-
-
-def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
-    if len(shape) < len(trailing):
-        return False
-    found = shape[len(shape) - len(trailing) :]
-    return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))
-
-
-Tuple = TypeVar("Tuple", bound=tuple)
 
 
 def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], type[Tuple]]:
@@ -180,3 +136,45 @@ def argument_rows(**arguments: tuple[ArrayLike, tuple[int, ...]]):
         for x, own in zip(arrays.values(), owns, strict=True)
     )
     return rows, leading
+
+
+def _kind(value: object) -> str:
+    if not isinstance(value, np.ndarray):
+        return repr(value)
+    shape, flags = value.shape, value.flags
+    return f"{value.dtype} of shape {shape}, C-ordered: {flags.c_contiguous}, writeable: {flags.writeable}"
+
+
+def _as_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    try:
+        return real_array(value)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TypeError(f"{name} must be an array of real numbers, got {value!r}") from error
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, Number) and not isinstance(value, bool | np.bool_)
+
+
+def _number(name, value, expected, accepts) -> float:
+    try:
+        if np.ndim(value) != 0:
+            raise TypeError
+        number = float(real_array(value))
+    except (TypeError, ValueError, OverflowError) as error:
+        raise TypeError(f"{name} must be {expected}, got {value!r}") from error
+    if not accepts(number):
+        raise ValueError(f"{name} must be {expected}, got {value!r}")
+    return number
+
+
+def _first_non_finite(array: NDArray) -> str:
+    where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+    return f"{array[where]} at index {where}" if where else f"{array[()]}"
+
+
+def _ends_in(shape: tuple[int, ...], trailing: Sequence[int | str]) -> bool:
+    if len(shape) < len(trailing):
+        return False
+    found = shape[len(shape) - len(trailing) :]
+    return all(isinstance(want, str) or want == got for want, got in zip(trailing, found, strict=True))

@@ -8,6 +8,22 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 
 
+def keep_old_paths(package: str, rooms: Mapping[str, str]) -> None:
+    """Let modules of a package be imported as if they stood in the package itself.
+
+    Args:
+        package: name of the package.
+        rooms: for each room, dotted, the modules that stood in the package, separated by spaces; ``old:new``
+            where the module has another name now.
+    """
+    moved = {}
+    for room, names in rooms.items():
+        for name in names.split():
+            old, _, new = name.partition(":")
+            moved[f"{package}.{old}"] = f"{room}.{new or old}"
+    sys.meta_path.append(_OldPaths(moved))
+
+
 class _OldPaths(MetaPathFinder, Loader):
     """Finds a module under the name that it had; it is the same module under both."""
 
@@ -29,19 +45,3 @@ class _OldPaths(MetaPathFinder, Loader):
     def exec_module(self, module: ModuleType) -> None:
         """It has run; the import system has given it the spec of the old name, which is taken back."""
         module.__spec__ = module.__spec__.loader_state  # type: ignore[union-attr]
-
-
-def keep_old_paths(package: str, rooms: Mapping[str, str]) -> None:
-    """Let modules of a package be imported as if they stood in the package itself.
-
-    Args:
-        package: name of the package.
-        rooms: for each room, dotted, the modules that stood in the package, separated by spaces; ``old:new``
-            where the module has another name now.
-    """
-    moved = {}
-    for room, names in rooms.items():
-        for name in names.split():
-            old, _, new = name.partition(":")
-            moved[f"{package}.{old}"] = f"{room}.{new or old}"
-    sys.meta_path.append(_OldPaths(moved))

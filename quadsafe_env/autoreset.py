@@ -19,8 +19,6 @@ from quadsafe_env.simulation.episode import TERMINATED
 from quadsafe_env.simulation.world import INFO_KEYS, World
 
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)
-
-
 # What ``VectorEnv.step`` returns: observations, rewards, terminated, truncated, and the info.
 Transition = tuple[
     NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]

@@ -33,10 +33,17 @@ def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> ND
     states = exact_array("state", value, (*leading, STATE_SIZE)).copy()
     rows = states.reshape(-1, STATE_SIZE)
     _put_on_rotations(rows, leading)
-    most = world.params.thrust_max if world._rotors is not None else np.inf
+    most = world.params.thrust_max if world.rotor_limits else np.inf
     _check_thrust(rows[:, THRUST], leading, world.params.thrust_min, most)
     _check_turn(rows[:, OMEGA:THRUST], leading, 1.0 / world.rates.physics)
     return states
+
+
+def nearest_rotations(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The rotations nearest to matrices (N, 3, 3) in the Frobenius norm."""
+    left, _, right = np.linalg.svd(matrices)
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
+    return left @ right
 
 
 def _put_on_rotations(rows: NDArray[np.float64], leading: tuple[int, ...]) -> None:
@@ -52,13 +59,6 @@ def _put_on_rotations(rows: NDArray[np.float64], leading: tuple[int, ...]) -> No
         )
     rough = off > ROUNDING
     rows[rough, ATTITUDE:OMEGA] = nearest[rough].reshape(-1, 9)
-
-
-def nearest_rotations(matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The rotations nearest to matrices (N, 3, 3) in the Frobenius norm."""
-    left, _, right = np.linalg.svd(matrices)
-    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, np.newaxis]
-    return left @ right
 
 
 def _check_thrust(thrusts: NDArray[np.float64], leading: tuple[int, ...], least: float, most: float) -> None:

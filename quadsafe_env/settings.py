@@ -12,7 +12,8 @@ from quadsafe_core.checks import finite_array, one_of, positive_integer, real_ar
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
-from quadsafe_env.simulation.world import Rates, World
+from quadsafe_env.simulation.rates import Rates
+from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
 from quadsafe_env.tasks.obstacles import spheres_from_rows
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
@@ -36,7 +37,8 @@ DISTURBED_WORLDS: dict[str | None, type[DisturbedWorld]] = {
     "rgb_array": FilmedDisturbedWorld,
     "human": ShownDisturbedWorld,
 }
-FLOAT = np.dtype(np.float32)
+# Of an action.
+ENTRY = np.dtype(np.float32)
 
 
 def build_world(
@@ -157,7 +159,7 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
     Raises:
         TypeError, ValueError: for anything else.
     """
-    if type(value) is np.ndarray and value.dtype == FLOAT and value.flags.c_contiguous and value.shape == shape:
+    if type(value) is np.ndarray and value.dtype == ENTRY and value.flags.c_contiguous and value.shape == shape:
         return value
     try:
         wide = real_array(value)

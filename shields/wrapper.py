@@ -49,10 +49,6 @@ class Installation:
         self._plant.snap_filter = self._before
 
 
-def _format(info_format: str) -> Callable[..., dict[str, Any]]:
-    return INFO_FORMATS[one_of("info_format", info_format, tuple(INFO_FORMATS))]
-
-
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     """Shields an environment with a filter slot.
 
@@ -234,3 +230,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         return self._format(self._installation.recorder.summary(mask), mask)
+
+
+def _format(info_format: str) -> Callable[..., dict[str, Any]]:
+    return INFO_FORMATS[one_of("info_format", info_format, tuple(INFO_FORMATS))]

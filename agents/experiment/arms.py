@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Agent = Literal["learner", "tracker", "random"]
+AgentKind = Literal["learner", "tracker", "random"]
 
 
 @dataclass(frozen=True)
@@ -15,7 +15,7 @@ class Arm:
 
     title: str
     """What tables call it."""
-    agent: Agent = "learner"
+    agent: AgentKind = "learner"
     """A policy that learns, the minimum-snap tracker of Section VI, or uniformly random actions."""
     is_shielded: bool = False
     """Whether the shield is there during training."""

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from agents.experiment.arms import ARMS
-from agents.measure.results import REFERENCE
+from agents.measure.results import REFERENCE, Row
 from agents.report.curves import Curve
 from agents.report.rates import interval
 from agents.report.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 
-Row = dict[str, Any]
 FLOWN = {"off": "flown without the shield", "on": "flown with the shield"}
 SOLID, DASHES = "solid", ("solid", "14px,14px", "7px,21px", "4px,24px", "2px,26px")
 # Measures of the forest, their axes, and what they are multiplied by.

@@ -4,11 +4,9 @@ A zero comes with its exact bound. Two rates differ only if their exact bounds a
 their paired difference, where there is one, leaves out zero.
 """
 
-from typing import Any
-
+from agents.measure.results import Row
 from agents.report.rates import in_words
 
-Row = dict[str, Any]
 Rows = dict[tuple[str, str, str], Row]
 WAYS = {
     "none": "without a shield",

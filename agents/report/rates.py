@@ -1,9 +1,10 @@
 """Rates in per cent with their intervals, as words and tables tell them."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-Row = dict[str, Any]
+from agents.measure.results import Row
+
 COUNTS = {"violation_rate": "violations", "success_rate": "successes"}
 
 

@@ -1,18 +1,17 @@
 """The figures of a run, each with its title and its words."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import plotly.graph_objects as go
 
 from agents.experiment.arms import ARMS
 from agents.experiment.runs import Run
 from agents.measure import results
+from agents.measure.results import Row
 from agents.measure.trace import Trace, read_trace
 from agents.report import curves, figures, flight_figures
 from agents.report.curves import Curve
 from agents.report.rates import in_words
-
-Row = dict[str, Any]
 
 
 class CaptionedFigure(NamedTuple):

@@ -1,11 +1,9 @@
 """The comparison as a text of 100 columns."""
 
-from typing import Any
-
 from agents.experiment.runs import Run
+from agents.measure.results import Row
 from agents.report.rates import percentage
 
-Row = dict[str, Any]
 NOTE = """\
 Violations, or collisions: episodes that entered a keep-out sphere at any physics substep. Success: at the
 goal without a violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds,

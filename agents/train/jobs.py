@@ -8,8 +8,6 @@ from agents.experiment.config import Options
 from agents.experiment.runs import Run
 
 Job = tuple[str, int]
-
-
 # What a job may end with that a sentence can tell; anything else is a defect, and shows its traceback.
 TELLABLE = (ValueError, TypeError, OSError)
 

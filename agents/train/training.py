@@ -54,7 +54,7 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
         checkpoints = CheckpointCallback(folder, model, run, options.save_freq, table, counter, episodes)
         checkpoints.restore()
         left = run.experiment.n_timesteps - model.num_timesteps
-        no_logs: Any = None  # the checkpoints asks for them
+        no_logs: Any = None  # the callback of the checkpoints asks for them
         model.learn(left, callback=[counter, checkpoints], log_interval=no_logs, reset_num_timesteps=False)
         checkpoints.log()
         model.logger.close()

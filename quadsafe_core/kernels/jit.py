@@ -30,7 +30,7 @@ CACHE_SETTING = "CACHE_DIR"
 
 # The folder of the packages.
 HOUSE = Path(quadsafe_core.__file__).resolve().parents[1]
-# The rooms whose kernels a room's own kernels may call (the import contracts of pyproject.toml).
+# The packages whose kernels a package's own kernels may call (the import contracts of pyproject.toml).
 FLOOR = ("quadsafe_core",)
 REACH = {
     "quadsafe_core": FLOOR,
@@ -40,14 +40,14 @@ REACH = {
 }
 
 
-def source_hash(root: Path, room: str) -> str:
-    """Hash of every source file below ``root`` that a kernel of ``room`` can reach, names and contents."""
+def source_hash(root: Path, package: str) -> str:
+    """Hash of every source file below ``root`` that a kernel of ``package`` can reach, names and contents."""
     digest = hashlib.sha256(numba.__version__.encode())
-    for reached in REACH[room]:
+    for reached in REACH[package]:
         for file in sorted((root / reached).rglob("*.py")):
             digest.update(file.relative_to(root).as_posix().encode())
             digest.update(file.read_bytes())
-    return f"{room}-{digest.hexdigest()[:16]}"
+    return f"{package}-{digest.hexdigest()[:16]}"
 
 
 def _is_writable(folder: Path) -> bool:
@@ -63,16 +63,16 @@ def _user_cache() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
-def cache_folder(root: Path, room: str) -> Path | None:
+def cache_folder(root: Path, package: str) -> Path | None:
     """First writable folder for these sources: beside them, then in the user's cache, then none."""
-    key = source_hash(root, room)
-    candidates = (root / room / "__pycache__" / key, _user_cache() / "quadsafe" / key)
+    key = source_hash(root, package)
+    candidates = (root / package / "__pycache__" / key, _user_cache() / "quadsafe" / key)
     return next((folder for folder in candidates if _is_writable(folder)), None)
 
 
 @cache
-def _folder_of(room: str) -> Path | None:
-    return cache_folder(HOUSE, room)
+def _folder_of(package: str) -> Path | None:
+    return cache_folder(HOUSE, package)
 
 
 @contextmanager
@@ -162,8 +162,8 @@ def _njit(function: Callable, **options: Any) -> Any:
 
 
 def _compiled(function: Callable, is_inlined: bool) -> Any:
-    room = function.__module__.partition(".")[0]
-    folder = _folder_of(room) if room in REACH else None
+    package = function.__module__.partition(".")[0]
+    folder = _folder_of(package) if package in REACH else None
     if folder is None:
         compiled = _njit(function)
     else:

@@ -143,7 +143,7 @@ def load_flown(block, first, count, memory):
 def fly_row(block, lane, spheres, plant, rotors, d, m):
     """Fly a row, in a lane, for a control period; it stays in its last sound state when it crashes.
 
-    ``m`` is the row's record of the dtype ``MEMORY``.
+    ``m`` is the row's record of the dtype ``WEATHER``.
     """
     dt, steps = plant.dt, steps_of(plant.substeps, d, m)
     vehicle, air = true_vehicle(plant.params, m), air_of(dt * m["steps"], d, m)
@@ -170,7 +170,7 @@ def fly_row(block, lane, spheres, plant, rotors, d, m):
 def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_memory, weather):
     """Hold what is flown for a control period, as ``advance_batch`` does; observations are not written.
 
-    ``disturbance`` is a ``Disturbance``, raveled, and ``weather`` (N,) of the dtype ``MEMORY``.
+    ``disturbance`` is a ``Disturbance``, raveled, and ``weather`` (N,) of the dtype ``WEATHER``.
     """
     plant, d = unraveled(numbers, Plant), unraveled(disturbance, Disturbance)
     rows, scenes = rows_in(borrowed(memory)), columns_in(borrowed(scene_memory))

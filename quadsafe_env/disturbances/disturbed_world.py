@@ -9,7 +9,7 @@ from quadsafe_core.kernels.ravel import raveled
 from quadsafe_env.disturbances.disturbance import disturbance
 from quadsafe_env.disturbances.disturbed_flight import advance_disturbed_batch
 from quadsafe_env.disturbances.draws import (
-    MEMORY,
+    WEATHER,
     deliver_batch,
     draw_rows,
     estimate_batch,
@@ -51,7 +51,8 @@ class DisturbedWorld(World):
 
     def _allocate(self, k: int) -> None:
         super()._allocate(k)
-        self._weather, self._line = np.zeros(self.n, dtype=MEMORY), np.zeros((self.n, self.conditions.delay, 4))
+        self._weather = np.zeros(self.n, dtype=WEATHER)
+        self._line = np.zeros((self.n, self.conditions.delay, 4))
         self._lost = np.zeros(self.n, dtype=np.bool_)
         self._everyone = np.arange(self.n)
 

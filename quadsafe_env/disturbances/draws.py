@@ -3,7 +3,7 @@
 Every draw is a hash of the scene's integer, and of the number of control periods flown where it is not one of
 the whole episode. So nothing random is remembered, and a scene flown again is the same flight.
 
-In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``MEMORY``.
+In kernels ``d`` is a ``Disturbance`` and ``m`` the record of a row, of the dtype ``WEATHER``.
 """
 
 import math
@@ -42,7 +42,7 @@ ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 # | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
 # | through    | 4        | snap, m/s⁴, and yaw acceleration, rad/s², that got through last         |
 # | flown      | 4        | snap and yaw acceleration that are flown in this period                 |
-MEMORY = np.dtype(
+WEATHER = np.dtype(
     [
         ("keys", np.int64, 4),
         ("bias", np.float64, (4, 3)),
@@ -101,94 +101,11 @@ def period_key(m):
     return Key(m["keys"][2], m["keys"][3]), PER_PERIOD * m["periods"]
 
 
-@kernel
-def draw_rows(rows, words, numbers, memory, line):
-    """Draw what holds for the episode of rows that begin one, and forget the last one.
-
-    Here and below ``numbers`` are a ``Disturbance``, raveled; ``memory`` (N,) is of the dtype ``MEMORY``, and
-    ``line`` (N, k, 4) the delay line of snaps and yaw accelerations. ``words`` are (N, 2).
-    """
-    d = unraveled(numbers, Disturbance)
-    for i in rows:
-        m, base = memory[i], derived_key(Key(words[i, 0], words[i, 1]), STREAM)
-        key, later = derived_key(base, 0), derived_key(base, 1)
-        keys = m["keys"]
-        keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
-        m["periods"], m["steps"] = 0, 0
-        m["wrench"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0
-        for order in range(4):
-            write3(m["bias"][order], directed(key, BIAS + 2 * order, d.bias[order]))
-        write3(m["wind"], directed(key, WIND, d.wind))
-        write3(m["turbulence"], normal_triple(key, CALM, d.turbulence))
-        m["gain"] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
-        m["mass"] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
-        m["inertia"] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
-
-
 @inline_kernel
 def error_of(order, d, m):
     """The present error of the estimate of a derivative of the position of a row: noise plus bias."""
     key, n = period_key(m)
     return add(in_ball(key, n + ERROR + 3 * order, d.noise[order]), vector(m["bias"][order]))
-
-
-@kernel
-def estimate_batch(numbers, memory, gains, flat, snap):
-    """Flat states (N, 4, 3) with their errors, and snaps (N, 3) of the feedback from these; a nan stays nan."""
-    d = unraveled(numbers, Disturbance)
-    for i in range(flat.shape[0]):
-        m = memory[i]
-        r, v, a, j = error_of(0, d, m), error_of(1, d, m), error_of(2, d, m), error_of(3, d, m)
-        for axis in range(3):
-            flat[i, 0, axis] += r[axis]
-            flat[i, 1, axis] += v[axis]
-            flat[i, 2, axis] += a[axis]
-            flat[i, 3, axis] += j[axis]
-            snap[i, axis] += velocity_feedback(v[axis], a[axis], j[axis], gains)
-
-
-@kernel
-def estimated_states(rows, numbers, memory, states):
-    """Estimated position and velocity in place of the true ones, in the given rows of states (N, 20)."""
-    d = unraveled(numbers, Disturbance)
-    for i in rows:
-        r, v = error_of(0, d, memory[i]), error_of(1, d, memory[i])
-        for axis in range(3):
-            states[i, axis] += r[axis]
-            states[i, 3 + axis] += v[axis]
-
-
-@kernel
-def lost_batch(numbers, memory, lost):
-    """Whether the answer of the present period is lost, (N,)."""
-    d = unraveled(numbers, Disturbance)
-    for i in range(lost.shape[0]):
-        key, n = period_key(memory[i])
-        lost[i] = uniform(key, n + LOSS, 0.0, 1.0) < d.loss
-
-
-@kernel
-def deliver_batch(memory, line, lost, snap, yaw_acceleration, backup):
-    """What is flown of the answers, snaps (N, 3) and yaw accelerations (N,): past losses, delay and gain.
-
-    In place of a lost answer stand its snap in ``backup`` (N, 3), or without any, (0, 3), the last one that got
-    through, and the last yaw acceleration that did.
-    """
-    delay = line.shape[1]
-    for i in range(snap.shape[0]):
-        m = memory[i]
-        through, flown, gain = m["through"], m["flown"], m["gain"]
-        if not lost[i]:
-            through[0], through[1], through[2] = snap[i, 0], snap[i, 1], snap[i, 2]
-            through[3] = yaw_acceleration[i]
-        x, y, z, turn = through[0], through[1], through[2], through[3]
-        if lost[i] and backup.shape[0] > 0:
-            x, y, z = backup[i, 0], backup[i, 1], backup[i, 2]
-        if delay > 0:
-            place = line[i, m["periods"] % delay]
-            (x, place[0]), (y, place[1]) = (place[0], x), (place[1], y)
-            (z, place[2]), (turn, place[3]) = (place[2], z), (place[3], turn)
-        flown[0], flown[1], flown[2], flown[3] = gain * x, gain * y, gain * z, turn
 
 
 @inline_kernel
@@ -217,3 +134,86 @@ def air_of(time, d, m):
     size = norm(rough)
     felt = scale(most / size, rough) if size > most else rough
     return add(add(wind, gust_of(time, d, m)), felt)
+
+
+@kernel
+def draw_rows(rows, words, numbers, weather, line):
+    """Draw what holds for the episode of rows that begin one, and forget the last one.
+
+    Here and below ``numbers`` are a ``Disturbance``, raveled; ``weather`` (N,) is of the dtype ``WEATHER``, and
+    ``line`` (N, k, 4) the delay line of snaps and yaw accelerations. ``words`` are (N, 2).
+    """
+    d = unraveled(numbers, Disturbance)
+    for i in rows:
+        m, base = weather[i], derived_key(Key(words[i, 0], words[i, 1]), STREAM)
+        key, later = derived_key(base, 0), derived_key(base, 1)
+        keys = m["keys"]
+        keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
+        m["periods"], m["steps"] = 0, 0
+        m["wrench"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0
+        for order in range(4):
+            write3(m["bias"][order], directed(key, BIAS + 2 * order, d.bias[order]))
+        write3(m["wind"], directed(key, WIND, d.wind))
+        write3(m["turbulence"], normal_triple(key, CALM, d.turbulence))
+        m["gain"] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
+        m["mass"] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
+        m["inertia"] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
+
+
+@kernel
+def estimate_batch(numbers, weather, gains, flat, snap):
+    """Flat states (N, 4, 3) with their errors, and snaps (N, 3) of the feedback from these; a nan stays nan."""
+    d = unraveled(numbers, Disturbance)
+    for i in range(flat.shape[0]):
+        m = weather[i]
+        r, v, a, j = error_of(0, d, m), error_of(1, d, m), error_of(2, d, m), error_of(3, d, m)
+        for axis in range(3):
+            flat[i, 0, axis] += r[axis]
+            flat[i, 1, axis] += v[axis]
+            flat[i, 2, axis] += a[axis]
+            flat[i, 3, axis] += j[axis]
+            snap[i, axis] += velocity_feedback(v[axis], a[axis], j[axis], gains)
+
+
+@kernel
+def estimated_states(rows, numbers, weather, states):
+    """Estimated position and velocity in place of the true ones, in the given rows of states (N, 20)."""
+    d = unraveled(numbers, Disturbance)
+    for i in rows:
+        r, v = error_of(0, d, weather[i]), error_of(1, d, weather[i])
+        for axis in range(3):
+            states[i, axis] += r[axis]
+            states[i, 3 + axis] += v[axis]
+
+
+@kernel
+def lost_batch(numbers, weather, lost):
+    """Whether the answer of the present period is lost, (N,)."""
+    d = unraveled(numbers, Disturbance)
+    for i in range(lost.shape[0]):
+        key, n = period_key(weather[i])
+        lost[i] = uniform(key, n + LOSS, 0.0, 1.0) < d.loss
+
+
+@kernel
+def deliver_batch(weather, line, lost, snap, yaw_acceleration, backup):
+    """What is flown of the answers, snaps (N, 3) and yaw accelerations (N,): past losses, delay and gain.
+
+    In place of a lost answer stand its snap in ``backup`` (N, 3), or without any, (0, 3), the last one that got
+    through, and the last yaw acceleration that did.
+    """
+    delay = line.shape[1]
+    for i in range(snap.shape[0]):
+        m = weather[i]
+        through, flown, gain = m["through"], m["flown"], m["gain"]
+        if not lost[i]:
+            through[0], through[1], through[2] = snap[i, 0], snap[i, 1], snap[i, 2]
+            through[3] = yaw_acceleration[i]
+        x, y, z, turn = through[0], through[1], through[2], through[3]
+        if lost[i] and backup.shape[0] > 0:
+            x, y, z = backup[i, 0], backup[i, 1], backup[i, 2]
+        if delay > 0:
+            place = line[i, m["periods"] % delay]
+            (x, place[0]), (y, place[1]) = (place[0], x), (place[1], y)
+            (z, place[2]), (turn, place[3]) = (place[2], z), (place[3], turn)
+        flown[0], flown[1], flown[2], flown[3] = gain * x, gain * y, gain * z, turn

@@ -121,10 +121,6 @@ def frame(
     return pixels
 
 
-def _chosen(spheres: Spheres, mask: NDArray[np.bool_]) -> Spheres:
-    return Spheres(spheres.center[mask], spheres.radius[mask])
-
-
 def view_of(position, goal, start, spheres: Spheres) -> View:
     """The view of the middle of the path, from far enough to see the vehicle wherever it is."""
     middle, path = 0.5 * (start + goal), goal - start
@@ -143,13 +139,6 @@ def draw_ground(view: View) -> None:
     """The sky and the ground, which stay as long as the camera does."""
     eye, axes, middle = (tuple(part.ravel().tolist()) for part in (view.eye, view.axes, view.middle))
     view.canvas.blit(_scenery(eye, axes, middle, view.ground, view.reach), (0, 0))
-
-
-@lru_cache(maxsize=16)
-def _scenery(eye, axes, middle, ground: float, reach: float) -> pygame.Surface:
-    view = View(backdrop(), np.array(eye), np.array(axes).reshape(3, 3), np.array(middle), ground, reach)
-    draw_grid(view)
-    return view.canvas
 
 
 def draw_grid(view: View) -> None:
@@ -286,3 +275,14 @@ def draw_notice(view: View, past: Past) -> None:
     if past.is_corrected:
         pygame.draw.circle(view.canvas, ACTS, (20, 22), 5)
         view.canvas.blit(font().render("shield acts", True, ACTS), (32, 15))
+
+
+def _chosen(spheres: Spheres, mask: NDArray[np.bool_]) -> Spheres:
+    return Spheres(spheres.center[mask], spheres.radius[mask])
+
+
+@lru_cache(maxsize=16)
+def _scenery(eye, axes, middle, ground: float, reach: float) -> pygame.Surface:
+    view = View(backdrop(), np.array(eye), np.array(axes).reshape(3, 3), np.array(middle), ground, reach)
+    draw_grid(view)
+    return view.canvas

@@ -39,47 +39,9 @@ def shell(color: Color, side: int) -> pygame.Surface:
     return pygame.transform.smoothscale(_shell(color), (side, side))
 
 
-@cache
-def _ball(color: Color) -> pygame.Surface:
-    x, y, edge = _disc()
-    z = -np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
-    toward = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
-    mirrored = np.maximum(LIGHT[2] - 2.0 * toward * z, 0.0)
-    diffuse = 0.34 + 0.66 * np.maximum(toward, 0.0)
-    return _sprite(np.multiply.outer(diffuse, color) + 90.0 * mirrored[..., None] ** 24, 255.0 * edge)
-
-
-@cache
-def _shell(color: Color) -> pygame.Surface:
-    x, y, edge = _disc()
-    rim = np.minimum(x * x + y * y, 1.0)
-    return _sprite(np.broadcast_to(color, (*x.shape, 3)), edge * (18.0 + 190.0 * rim**7))
-
-
-def _disc():
-    axis = (np.arange(SPRITE) + 0.5) / (0.5 * SPRITE) - 1.0
-    x, y = np.meshgrid(axis, axis, indexing="ij")
-    return x, y, np.clip((1.0 - np.hypot(x, y)) * 0.5 * SPRITE, 0.0, 1.0)
-
-
-def _sprite(color, alpha) -> pygame.Surface:
-    surface = pygame.Surface((SPRITE, SPRITE), pygame.SRCALPHA, 32)
-    pygame.surfarray.pixels3d(surface)[...] = np.clip(color, 0.0, 255.0)
-    pygame.surfarray.pixels_alpha(surface)[...] = alpha
-    return surface
-
-
 def backdrop() -> pygame.Surface:
     """A fresh canvas with a sky that brightens downwards."""
     return _sky().copy()
-
-
-@cache
-def _sky() -> pygame.Surface:
-    surface = pygame.Surface((SIZE, SIZE), 0, 32)
-    for y in range(SIZE):
-        pygame.draw.line(surface, blend(TOP, BOTTOM, y / SIZE), (0, y), (SIZE, y))
-    return surface
 
 
 def font() -> pygame.font.Font:
@@ -89,11 +51,6 @@ def font() -> pygame.font.Font:
         pygame.font.init()
         _font.cache_clear()
     return _font()
-
-
-@cache
-def _font() -> pygame.font.Font:
-    return pygame.font.Font(None, 19)
 
 
 @cache
@@ -136,3 +93,46 @@ class Patch:
     def shrunk(self) -> pygame.Surface:
         """The finished patch, in the pixels of the frame."""
         return pygame.transform.smoothscale(self.canvas, self.size)
+
+
+@cache
+def _ball(color: Color) -> pygame.Surface:
+    x, y, edge = _disc()
+    z = -np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
+    toward = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
+    mirrored = np.maximum(LIGHT[2] - 2.0 * toward * z, 0.0)
+    diffuse = 0.34 + 0.66 * np.maximum(toward, 0.0)
+    return _sprite(np.multiply.outer(diffuse, color) + 90.0 * mirrored[..., None] ** 24, 255.0 * edge)
+
+
+@cache
+def _shell(color: Color) -> pygame.Surface:
+    x, y, edge = _disc()
+    rim = np.minimum(x * x + y * y, 1.0)
+    return _sprite(np.broadcast_to(color, (*x.shape, 3)), edge * (18.0 + 190.0 * rim**7))
+
+
+def _disc():
+    axis = (np.arange(SPRITE) + 0.5) / (0.5 * SPRITE) - 1.0
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    return x, y, np.clip((1.0 - np.hypot(x, y)) * 0.5 * SPRITE, 0.0, 1.0)
+
+
+def _sprite(color, alpha) -> pygame.Surface:
+    surface = pygame.Surface((SPRITE, SPRITE), pygame.SRCALPHA, 32)
+    pygame.surfarray.pixels3d(surface)[...] = np.clip(color, 0.0, 255.0)
+    pygame.surfarray.pixels_alpha(surface)[...] = alpha
+    return surface
+
+
+@cache
+def _sky() -> pygame.Surface:
+    surface = pygame.Surface((SIZE, SIZE), 0, 32)
+    for y in range(SIZE):
+        pygame.draw.line(surface, blend(TOP, BOTTOM, y / SIZE), (0, y), (SIZE, y))
+    return surface
+
+
+@cache
+def _font() -> pygame.font.Font:
+    return pygame.font.Font(None, 19)

@@ -38,7 +38,7 @@ from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import distance_to
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
 from quadsafe_env.tasks.scene_columns import columns_in
-from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_triple
+from quadsafe_env.vehicle.state import ATTITUDE, STATE_SIZE, THRUST, lane_triple
 
 
 @kernel
@@ -137,7 +137,7 @@ def place_rows(indices, numbers, memory, scene_memory):
         states[at : at + STATE_SIZE] = 0.0
         for axis in range(3):
             states[at + axis] = start[3 * row + axis]
-            states[at + 6 + 4 * axis] = 1.0
+            states[at + ATTITUDE + 4 * axis] = 1.0
         states[at + THRUST] = params.mass * params.gravity
 
 

@@ -9,6 +9,12 @@ from numpy.typing import NDArray
 from quadsafe_core.checks import shaped_array
 
 FLOAT = np.dtype(np.float64)
+Floats = NDArray[np.float64]
+# What ``done`` says where no filter acts.
+NOTHING_DONE = (False, -1)
+# Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
+Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
+Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
 
 
 class SafeSnaps(Protocol):
@@ -18,33 +24,19 @@ class SafeSnaps(Protocol):
     def snap(self) -> NDArray[np.float64]: ...  # noqa: D102
 
 
-def safe_snaps(answer: SafeSnaps, n: int) -> NDArray[np.float64]:
-    """The snaps (N, 3) of an answer, as the plant can fly them.
-
-    Raises:
-        TypeError, ValueError: for no numbers or another shape.
-    """
-    snap = answer.snap
-    if type(snap) is np.ndarray and snap.dtype is FLOAT and snap.shape == (n, 3) and snap.flags.carray:
-        return snap
-    rows = shaped_array("snap of the filter in the slot", snap, (3,))
-    if rows.shape != (n, 3):
-        raise ValueError(f"snap of the filter in the slot must have shape {(n, 3)}, got {rows.shape}")
-    return np.array(rows, dtype=np.float64, order="C")
-
-
-# What ``done`` says where no filter acts.
-NOTHING_DONE = (False, -1)
-# Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
-Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
-Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
-
-
 class MinimalFilter(Protocol):
     """What may be put in the slot between the desired and the safe snap, called once per control period."""
 
-    def filter(self, flat, center, radius, snap, period: float) -> SafeSnaps:
-        """Safe snap for flat states (N, 4, 3), spheres (N, K, 3), (N, K) and desired snaps (N, 3)."""
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> SafeSnaps:
+        """Safe snaps of one control period.
+
+        Args:
+            flat: (N, 4, 3) r, ṙ, r̈, r⃛, world frame, SI.
+            center: (N, K, 3) centres of the keep-out spheres, m.
+            radius: (N, K) their radii, m; 0 for an absent one.
+            snap: (N, 3) desired snaps, m/s⁴.
+            period: for how long the answer is held, s.
+        """
         ...
 
     def reset(self, mask: NDArray[np.bool_]) -> None:
@@ -126,3 +118,18 @@ def completed(given: MinimalFilter) -> SnapFilter:
     """A filter that can be asked all, the given one if it can."""
     is_complete = hasattr(given, "done") and hasattr(given, "backup")
     return cast(SnapFilter, given) if is_complete else Completed(given)
+
+
+def safe_snaps(answer: SafeSnaps, n: int) -> NDArray[np.float64]:
+    """The snaps (N, 3) of an answer, as the plant can fly them.
+
+    Raises:
+        TypeError, ValueError: for no numbers or another shape.
+    """
+    snap = answer.snap
+    if type(snap) is np.ndarray and snap.dtype is FLOAT and snap.shape == (n, 3) and snap.flags.carray:
+        return snap
+    rows = shaped_array("snap of the filter in the slot", snap, (3,))
+    if rows.shape != (n, 3):
+        raise ValueError(f"snap of the filter in the slot must have shape {(n, 3)}, got {rows.shape}")
+    return np.array(rows, dtype=np.float64, order="C")

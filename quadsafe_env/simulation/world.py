@@ -37,7 +37,7 @@ from quadsafe_env.tasks.conditions import OFF, Conditions
 from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
-from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, Task
+from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, SceneSource, Task
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -105,7 +105,9 @@ class World:
         self.rotor_limits = rotor_limits
         # Without limits the kernels are compiled without the rotors.
         self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
-        self._source = DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
+        self._source: SceneSource = (
+            DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
+        )
         self._plant = raveled(
             Plant(
                 params=params,

@@ -57,10 +57,10 @@ def step_batch(states, wrenches, params, dt, out):
         to_lanes(rows, I(STATE_SIZE), first, count, block, I(0))
         to_lanes(wrench_rows, I(WRENCH_SIZE), first, count, block, I(STATE_SIZE))
         for i in range(U(count)):
-            wrench = (*lane_triple(block, i + U(LANES * STATE_SIZE)), block[i + U(LANES * 23)])
+            wrench = (*lane_triple(block, i + U(LANES * STATE_SIZE)), block[i + U(LANES * (STATE_SIZE + 3))])
             s = rk4_step(lane_state(block, i), wrench, vehicle, dt)
             store_lane(block, i, s)
-            block[i + U(LANES * 24)] += s[0] + s[1] + s[2] + s[ATTITUDE]
+            block[i + U(LANES * (STATE_SIZE + WRENCH_SIZE))] += s[0] + s[1] + s[2] + s[ATTITUDE]
         from_lanes(block, I(0), out_rows, I(STATE_SIZE), first, count)
     return abs(total.sum()) < math.inf
 

@@ -24,6 +24,7 @@ from quadsafe_env.vehicle.rigid_body import acceleration, angular_acceleration
 from quadsafe_env.vehicle.state import (
     STATE_SIZE,
     THRUST,
+    THRUST_RATE,
     WRENCH_SIZE,
     broadcast_rows,
     load,
@@ -37,8 +38,8 @@ from quadsafe_env.vehicle.state import (
 def jerk(s, params):
     """(31), first line with its dots: ``r⃛ = (ḟ_z Q e3 + f_z Q ω̂ e3) / m``."""
     per_mass = 1.0 / params.mass
-    lift = s[18] * per_mass
-    return to_world(s, (lift * s[16], -lift * s[15], s[19] * per_mass))
+    lift, (x, y, _) = s[THRUST] * per_mass, omega_of(s)
+    return to_world(s, (lift * y, -lift * x, s[THRUST_RATE] * per_mass))
 
 
 @inline_kernel
@@ -51,7 +52,7 @@ def flat_from_state(s, params):
 def snap_from_wrench_kernel(s, wrench, params):
     """(31), second line with its dots: the snap r⁗ that a wrench gives."""
     x, y, z = omega_of(s)
-    m, f, df = params.mass, s[18], s[19]
+    m, f, df = params.mass, s[THRUST], s[THRUST_RATE]
     spin = angular_acceleration((x, y, z), wrench[1:4], params)
     body = (
         (2.0 * df * y + f * (spin[1] + x * z)) / m,
@@ -72,7 +73,7 @@ def wrench_from_body_snap(s, u, yaw_acceleration, product, params):
     """(35) of a snap in body axes, with ω_x ω_y given for the torque about z; torques are nan at f_z = 0."""
     x, y, z = omega_of(s)
     Jx, Jy, Jz = params.inertia
-    m, f, df = params.mass, s[18], s[19]
+    m, f, df = params.mass, s[THRUST], s[THRUST_RATE]
     # Written out so that interpreted and compiled code agree at the singularity.
     per_thrust = 1.0 / f if f != 0.0 else math.nan
     spin_x = fma(y, z, -fma(m, u[1], 2.0 * df * x) * per_thrust)
@@ -88,7 +89,8 @@ def wrench_from_body_snap(s, u, yaw_acceleration, product, params):
 @inline_kernel
 def wrench_from_snap_kernel(s, snap, yaw_acceleration, params):
     """(35) in body axes: the wrench that gives a snap and ω̇_z; torques are nan at f_z = 0."""
-    return wrench_from_body_snap(s, to_body(s, snap), yaw_acceleration, s[15] * s[16], params)
+    x, y, _ = omega_of(s)
+    return wrench_from_body_snap(s, to_body(s, snap), yaw_acceleration, x * y, params)
 
 
 @kernel

@@ -16,7 +16,7 @@ import math
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fma
 from quadsafe_env.vehicle.flatness import wrench_from_body_snap
-from quadsafe_env.vehicle.state import omega_of, to_body
+from quadsafe_env.vehicle.state import THRUST, THRUST_RATE, omega_of, to_body
 
 
 @inline_kernel
@@ -25,7 +25,7 @@ def crackle(s, snap, yaw_acceleration, params):
     x, y, z = omega_of(s)
     Jx, Jy, Jz = params.inertia
     per_mass = 1.0 / params.mass
-    t, rate = s[18] * per_mass, s[19] * per_mass
+    t, rate = s[THRUST] * per_mass, s[THRUST_RATE] * per_mass
     # Written out so that interpreted and compiled code agree at the singularity.
     per_thrust = 1.0 / t if t != 0.0 else math.nan
     ax, ay = fma(-2.0 * rate, y, snap[0]) * per_thrust, fma(2.0 * rate, x, snap[1]) * per_thrust
@@ -49,5 +49,6 @@ def held_wrench(s, snap, yaw_acceleration, params, dt):
     k, (wx, wy) = crackle(s, u, yaw_acceleration, params)
     earlier = (fma(half, k[0], u[0]), fma(half, k[1], u[1]), fma(half, k[2], u[2]))
     # ω_x ω_y as it is at the middle of the step turns the body about the thrust if J_x ≠ J_y.
-    x, y = fma(-half, wx, s[15]), fma(-half, wy, s[16])
+    x, y, _ = omega_of(s)
+    x, y = fma(-half, wx, x), fma(-half, wy, y)
     return wrench_from_body_snap(s, earlier, yaw_acceleration, x * y, params)

@@ -47,12 +47,6 @@ class Shape(NamedTuple):
     yawing: float
 
 
-def shape_of(params: QuadrotorParams) -> Shape:
-    """The coefficients of Euler's equations."""
-    x, y, z = params.inertia
-    return Shape(max((x + z - y) / x, (y + z - x) / y), max(abs(y - z) / x, abs(z - x) / y), abs(x - y) / z)
-
-
 class Slopes(NamedTuple):
     """K, L and M of the module's text, ‖t J⁻¹τ‖ across the thrust, and what ω_x ω_y does to the yaw motion.
 
@@ -66,6 +60,12 @@ class Slopes(NamedTuple):
     torque: float
     yaw_error: float
     yaw_drift: float
+
+
+def shape_of(params: QuadrotorParams) -> Shape:
+    """The coefficients of Euler's equations."""
+    x, y, z = params.inertia
+    return Shape(max((x + z - y) / x, (y + z - x) / y), max(abs(y - z) / x, abs(z - x) / y), abs(x - y) / z)
 
 
 def slopes(snap: float, flight: Flight, shape: Shape, dt: float, inertia_gain: float = 0.0) -> Slopes:

@@ -6,7 +6,7 @@ J ω̇ = −ω̂ J ω + τ                f̈_z = F_z
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fma, fused_dot
-from quadsafe_env.vehicle.state import body_z, omega_of
+from quadsafe_env.vehicle.state import THRUST, THRUST_RATE, body_z, omega_of
 
 
 @inline_kernel
@@ -24,7 +24,7 @@ def angular_acceleration(omega, torque, params):
 @inline_kernel
 def acceleration(s, params):
     """(29): ``r̈ = f_z Q e3 / m − g e3``."""
-    return lifted(s[18], body_z(s), params)
+    return lifted(s[THRUST], body_z(s), params)
 
 
 @inline_kernel
@@ -52,23 +52,9 @@ def derivative_kernel(s, wrench, params):
         *row_rate(s[9], s[10], s[11], omega),
         *row_rate(s[12], s[13], s[14], omega),
         *angular_acceleration(omega, wrench[1:4], params),
-        s[19],
+        s[THRUST_RATE],
         wrench[0],
     )
-
-
-@inline_kernel
-def axpy(h, k, s):
-    """``s + h k`` on state tuples."""
-    # fmt: off
-    return (
-        fma(h, k[0], s[0]), fma(h, k[1], s[1]), fma(h, k[2], s[2]), fma(h, k[3], s[3]),
-        fma(h, k[4], s[4]), fma(h, k[5], s[5]), fma(h, k[6], s[6]), fma(h, k[7], s[7]),
-        fma(h, k[8], s[8]), fma(h, k[9], s[9]), fma(h, k[10], s[10]), fma(h, k[11], s[11]),
-        fma(h, k[12], s[12]), fma(h, k[13], s[13]), fma(h, k[14], s[14]), fma(h, k[15], s[15]),
-        fma(h, k[16], s[16]), fma(h, k[17], s[17]), fma(h, k[18], s[18]), fma(h, k[19], s[19]),
-    )
-    # fmt: on
 
 
 @inline_kernel
@@ -163,8 +149,8 @@ def rk4_step(s, wrench, params, dt):
     """
     spins, omega = spun(omega_of(s), wrench[1:4], params, dt)
     F = (wrench[0], wrench[0], wrench[0], wrench[0])
-    pulls = stages(s[19], F, dt)
-    f = stages(s[18], pulls, dt)
+    pulls = stages(s[THRUST_RATE], F, dt)
+    f = stages(s[THRUST], pulls, dt)
     x, row_x = turned(s[6:9], spins, dt)
     y, row_y = turned(s[9:12], spins, dt)
     z, row_z = turned(s[12:15], spins, dt)
@@ -180,7 +166,7 @@ def rk4_step(s, wrench, params, dt):
             *row_y,
             *row_z,
             *omega,
-            advanced(s[18], pulls, dt),
-            advanced(s[19], F, dt),
+            advanced(s[THRUST], pulls, dt),
+            advanced(s[THRUST_RATE], F, dt),
         )
     )

@@ -27,7 +27,7 @@ from quadsafe_core.checks import finite_array
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 from quadsafe_env.vehicle.rigid_body import rk4_step
-from quadsafe_env.vehicle.state import broadcast_rows
+from quadsafe_env.vehicle.state import THRUST, THRUST_RATE, broadcast_rows
 from quadsafe_env.vehicle.yaw import within
 
 
@@ -83,19 +83,19 @@ def limited_step(s, wrench, params, rotors, dt):
         return rk4_step(s, wrench, params, dt), False
     lever, low, high = rotors
     asked = wrench[1:4]
-    thrusts, is_clipped = within_range(mixed(s[18], asked, lever), low, high)
+    thrusts, is_clipped = within_range(mixed(s[THRUST], asked, lever), low, high)
     collective, given = collected(thrusts, lever)
     # Selected number by number: a branch would end the vector code.
-    shortfall = s[18] - collective if is_clipped else 0.0
+    shortfall = s[THRUST] - collective if is_clipped else 0.0
     x = given[0] if is_clipped else asked[0]
     y = given[1] if is_clipped else asked[1]
     z = given[2] if is_clipped else asked[2]
-    after = rk4_step((*s[0:18], s[18] - shortfall, s[19]), (wrench[0], x, y, z), params, dt)
-    thrust, most = after[18] + shortfall, 4.0 * high
+    after = rk4_step((*s[0:THRUST], s[THRUST] - shortfall, s[THRUST_RATE]), (wrench[0], x, y, z), params, dt)
+    thrust, most = after[THRUST] + shortfall, 4.0 * high
     is_over = thrust > most
     thrust = most if is_over else thrust
-    rate = 0.0 if is_over & (after[19] > 0.0) else after[19]
-    return (*after[0:18], thrust, rate), is_clipped | is_over
+    rate = 0.0 if is_over & (after[THRUST_RATE] > 0.0) else after[THRUST_RATE]
+    return (*after[0:THRUST], thrust, rate), is_clipped | is_over
 
 
 @kernel

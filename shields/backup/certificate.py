@@ -94,7 +94,7 @@ def look_at_stored_stop(plan, period, spheres):
 
 
 @kernel
-def standing(plan, x, period, around, limits, gains):
+def standing(plan, x, period, distances, limits, gains):
     """What the stored stop is worth: STOPPED, ASTRAY if it may not be clear by enough, else UNCERTIFIED.
 
     It is given up only where a point of it lies in a sphere, or where feedback cannot bring the vehicle back.
@@ -103,9 +103,9 @@ def standing(plan, x, period, around, limits, gains):
         return UNCERTIFIED
     if not norm(feedback(plan, x, period, gains)) <= limits.stop_snap_max:
         return UNCERTIFIED
-    if look_at_stored_stop(plan, period, around.stored) == CLEAR:
+    if look_at_stored_stop(plan, period, distances.stored) == CLEAR:
         return STOPPED
-    return UNCERTIFIED if look_at_stored_stop(plan, period, around.bare) == HIT else ASTRAY
+    return UNCERTIFIED if look_at_stored_stop(plan, period, distances.bare) == HIT else ASTRAY
 
 
 @kernel
@@ -173,19 +173,20 @@ def accept(plan, x, snap, period, spheres, limits):
 
 
 @kernel
-def certified_snap(plan, x, wanted, is_wanted, around, flight):
+def certified_snap(plan, x, wanted, is_wanted, distances, flight):
     """The wanted snap if it can be certified, else a blend with the stored stop, else that stop.
 
+    ``plan`` is a ``PLAN``, ``distances`` are ``Distances`` and ``flight`` are ``FlightRules``.
     Returns the snap and what it is: ACCEPTED, BLENDED, STOPPED, ASTRAY when the vehicle is too far off the
     stored stop to rely on it and has no other, or UNCERTIFIED when there is no stop at all.
     """
     period, limits, gains = flight.period, flight.limits, flight.gains
     # The tests look at the jerk where an arc ends: where one begins, it was in its limits or is so now.
     begins_within = norm(x.j) <= limits.jerk_max
-    if begins_within and is_wanted and accept(plan, x, wanted, period, around.ahead, limits):
+    if begins_within and is_wanted and accept(plan, x, wanted, period, distances.ahead, limits):
         return wanted, ACCEPTED
-    kind = standing(plan, x, period, around, limits, gains)
-    if kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, around.ahead, limits):
+    kind = standing(plan, x, period, distances, limits, gains)
+    if kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, distances.ahead, limits):
         kind = STOPPED
     if kind == UNCERTIFIED:
         plan["is_stored"] = False
@@ -195,7 +196,7 @@ def certified_snap(plan, x, wanted, is_wanted, around, flight):
     if is_wanted and (begins_within or kind == STOPPED):
         for share in BLENDS:
             blend = combined(stop, share, subtract(wanted, stop))
-            if accept(plan, x, blend, period, around.ahead, limits):
+            if accept(plan, x, blend, period, distances.ahead, limits):
                 return blend, BLENDED
     advance_stop(plan, period)
     return stop, kind

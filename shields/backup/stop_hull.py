@@ -28,6 +28,15 @@ class Stop(NamedTuple):
     h: float
 
 
+class Attempt(NamedTuple):
+    """A snap that might be held for a period, s, from one flat state to another, ``after`` it."""
+
+    x: Flat
+    snap: tuple
+    after: Flat
+    period: float
+
+
 # Shares of the derivatives 1 to 4, over the length of a segment, in its control points after the first.
 POINTS = tuple(
     tuple(Fraction(math.comb(i, k), math.comb(4, k) * math.factorial(k)) for k in range(1, 5))
@@ -99,15 +108,6 @@ def weighted(weights, i, stop):
 def scaled(x, h):
     """The stop that begins at x: v h, a h², j h³."""
     return Stop(scale(h, x.v), scale(h * h, x.a), scale(h * h * h, x.j), h)
-
-
-class Attempt(NamedTuple):
-    """A snap that might be held for a period, s, from one flat state to another, ``after`` it."""
-
-    x: Flat
-    snap: tuple
-    after: Flat
-    period: float
 
 
 @inline_kernel

@@ -17,10 +17,7 @@ from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.polynomials import LARGEST
 from shields.chains.braking_arcs import BrakingBounds, braking_phases, least_of_arc, moved, size_of_terms
 from shields.chains.lower_bound import lower2, lower4, sensitivity
-from shields.chains.rows import Array, checked_input, state_rows
-
-# Below this share of its largest terms a value is rounding, and counts as zero.
-ROUNDING = 64 * 2.220446049250313e-16
+from shields.chains.rows import ROUNDING, Array, checked_input, state_rows
 
 
 @kernel

@@ -4,7 +4,7 @@
     BoxSet     lower_i <= x_i <= upper_i for all i      h(x) = min over both sides              (24), (28)
 
 Lower bounds never contradict each other: u_max serves all of them (Prop. 4). The upper bounds are lower bounds
-of the mirrored system, -x under -u. BoxBounds that are absent are infinite.
+of the mirrored system, -x under -u. Bounds that are absent are infinite.
 """
 
 import math
@@ -20,10 +20,7 @@ from quadsafe_core.maths.polynomials import LARGEST
 from shields.chains.capped_third_order import capped3
 from shields.chains.integrator import lower_row, required_input
 from shields.chains.maximality import BoxBounds, why_not_maximal
-from shields.chains.rows import MAX_ORDER, Array, checked_input, state_rows
-
-# A set value of less than this times the largest term of its sum is rounding, and counts as zero.
-ROUNDING = 64 * 2.220446049250313e-16
+from shields.chains.rows import MAX_ORDER, ROUNDING, Array, checked_input, state_rows
 
 
 @kernel
@@ -40,7 +37,7 @@ def largest_term(x, u_max, t, bound):
 
 @kernel
 def lower_set_row(x, lower, u_max, work):
-    """(25): set value, the same with rounding in its favour, and the least input by Lemma 2."""
+    """(25): value, that with rounding in its favour, least input by Lemma 2; ``work``: see ``lower_row``."""
     value, favoured, least_input = math.inf, math.inf, -math.inf
     for i in range(len(x)):
         if lower[i] == -math.inf:

@@ -129,20 +129,6 @@ def lower4(x1, x2, x3, x4, u_max, bound):
     return value, t_star
 
 
-@kernel
-def lower4_batch(x, u_max, bound, value, t_star):
-    """Row by row: g_4 and t_star of states (N, 4), flat."""
-    # Lanes are filled only from flat arrays with unsigned indices and a body without calls.
-    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-    for i in range(np.uint64(len(value))):
-        k = four * i
-        value[i], t_star[i] = _quick_lower4(x[k], x[k + one], x[k + two], x[k + three], u_max[i], bound[i])
-    for i in range(len(value)):
-        if math.isnan(value[i]):
-            k = 4 * i
-            value[i], t_star[i] = lower4(x[k], x[k + 1], x[k + 2], x[k + 3], u_max[i], bound[i])
-
-
 @inline_kernel
 def lower1(x1, bound):
     """(15): g_1 and t_star."""
@@ -182,7 +168,7 @@ def sensitivity(order, t_star):
 
 @kernel
 def lower(order, x, u_max):
-    """g_n above 0 and t_star."""
+    """g_n over a bound of 0, and t_star; ``x`` as in ``held_lower``."""
     if order == 4:
         return lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
     if order == 3:
@@ -194,7 +180,7 @@ def lower(order, x, u_max):
 
 @kernel
 def lower_parts(order, x, u, period, u_max):
-    """Least x_n and its time, within the period and from its end on."""
+    """Least x_n and its time, within the period and from its end on; ``x`` as in ``held_lower``."""
     y = derivatives(order, x, u)
     dip, t_dip = lowest_in_period(y, period)
     tail, t_tail = lower(order, state_after(y, period), u_max)
@@ -207,3 +193,17 @@ def held_lower(order, x, u, period, u_max, bound):
     x = (x[0], x[1], x[2], x[3] - bound)
     dip, t_dip, tail, t_tail = lower_parts(order, x, u, period, u_max)
     return (tail, t_tail) if tail <= dip else (dip, t_dip)
+
+
+@kernel
+def lower4_batch(x, u_max, bound, value, t_star):
+    """Row by row: g_4 and t_star of states (N, 4), flat."""
+    # Lanes are filled only from flat arrays with unsigned indices and a body without calls.
+    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
+    for i in range(np.uint64(len(value))):
+        k = four * i
+        value[i], t_star[i] = _quick_lower4(x[k], x[k + one], x[k + two], x[k + three], u_max[i], bound[i])
+    for i in range(len(value)):
+        if math.isnan(value[i]):
+            k = 4 * i
+            value[i], t_star[i] = lower4(x[k], x[k + 1], x[k + 2], x[k + 3], u_max[i], bound[i])

@@ -5,7 +5,7 @@ For n = 3 it asks for a state of the set on each of the four edges of the box al
 lower functions allow there satisfies the upper ones (or the other way round). That x_2 has a closed form,
 
     (upper_1, lower_3)   x_1 >= 0 and x_3 on its lower bound: x_2 >= 0 and x_2 >= lower_2
-    (lower_1, lower_3)   x_3 leaves its bound and may just touch it again: ``capped.least_corner_x2``
+    (lower_1, lower_3)   x_3 leaves its bound and may just touch it again: ``least_corner_x2``
 
 and the mirror images at (lower_1, upper_3) and (upper_1, upper_3).
 """

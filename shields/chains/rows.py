@@ -1,4 +1,4 @@
-"""Checked rows of integrator states, for the public functions of the theory."""
+"""Checked rows of integrator states, for the public functions of the theory, and what is rounding there."""
 
 import math
 
@@ -9,7 +9,10 @@ from quadsafe_core.checks import finite_array
 
 Array = NDArray[np.float64]
 MAX_ORDER = 100
+# The smallest float with all its digits: the reciprocal of an input's bound is finite.
 SMALLEST = 2.2250738585072014e-308
+# A set value of less than this times the largest term of its sum is rounding, and counts as zero.
+ROUNDING = 64 * 2.220446049250313e-16
 
 
 def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[int, ...]]:
@@ -31,6 +34,14 @@ def state_rows(x: ArrayLike, **others: ArrayLike) -> tuple[list[Array], tuple[in
     return [rows, *(_spread(array, shape).reshape(-1) for array in arrays)], shape
 
 
+def checked_input(name: str, value: float) -> float:
+    """One ``u_max`` above 0 or ``u_min`` below 0 as a float."""
+    array = _checked(name, value)
+    if array.ndim != 0:
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    return float(array)
+
+
 def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     """``array`` broadcast to a shape, writable: kernels would compile once more for read-only arrays."""
     if array.shape == shape and array.flags.writeable:
@@ -38,14 +49,6 @@ def _spread(array: Array, shape: tuple[int, ...]) -> Array:
     if array.ndim == 0:
         return np.full(shape, array)
     return np.broadcast_to(array, shape).copy()
-
-
-def checked_input(name: str, value: float) -> float:
-    """One ``u_max`` above 0 or ``u_min`` below 0 as a float."""
-    array = _checked(name, value)
-    if array.ndim != 0:
-        raise TypeError(f"{name} must be a number, got {value!r}")
-    return float(array)
 
 
 def _checked(name: str, value: ArrayLike) -> Array:

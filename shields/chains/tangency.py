@@ -35,22 +35,6 @@ def required_input_batch(order, t_star, u_max, out):
         out[i] = required_input(order, t_star[i], 0.0, u_max[i], 0.0)
 
 
-def _rates(rows: Array, u: Array, u_max: Array) -> Array:
-    """Lemma 1 for states (N, n)."""
-    _, t_star = least_values(rows, u_max, np.zeros_like(u_max))
-    out = np.empty_like(u)
-    lie_derivative_batch(rows, t_star, u, u_max, out)
-    return out
-
-
-def _inputs(rows: Array, u_max: Array) -> Array:
-    """Lemma 2 for states (N, n)."""
-    _, t_star = least_values(rows, u_max, np.zeros_like(u_max))
-    out = np.empty_like(u_max)
-    required_input_batch(rows.shape[1], t_star, u_max, out)
-    return out
-
-
 def lower_lie_derivative(x: ArrayLike, u: ArrayLike, u_max: ArrayLike) -> Any:
     """Rate of g_n under the input u: ``t_star^(n-1)/(n-1)! (u - u_max)``, x_(n-1) for t_star = 0, u for n = 1.
 
@@ -127,3 +111,19 @@ def upper_input(x: ArrayLike, u_min: ArrayLike) -> Any:
     """
     (rows, u_min), shape = state_rows(x, u_min=u_min)
     return -_inputs(-rows, -u_min).reshape(shape)[()]
+
+
+def _rates(rows: Array, u: Array, u_max: Array) -> Array:
+    """Lemma 1 for states (N, n)."""
+    _, t_star = least_values(rows, u_max, np.zeros_like(u_max))
+    out = np.empty_like(u)
+    lie_derivative_batch(rows, t_star, u, u_max, out)
+    return out
+
+
+def _inputs(rows: Array, u_max: Array) -> Array:
+    """Lemma 2 for states (N, n)."""
+    _, t_star = least_values(rows, u_max, np.zeros_like(u_max))
+    out = np.empty_like(u_max)
+    required_input_batch(rows.shape[1], t_star, u_max, out)
+    return out

@@ -1,12 +1,12 @@
-"""The filters that count on a held backup: an input that its condition admits, and a batch of them."""
+"""What filters that count on a held backup share: the search for an admitted input, and the batch."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel
 
-SCAN = 8
-BISECTIONS = 30
+# Equal steps towards the backup until one is admitted, then halvings of that step.
+SCAN, BISECTIONS = 8, 30
 
 
 @inline_kernel

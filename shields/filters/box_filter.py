@@ -25,6 +25,7 @@ from shields.chains.lower_bound import lower1, lower2, sensitivity
 from shields.chains.rows import state_rows
 from shields.filters.dead_beat import clamped
 
+# Newton's method in α, on a convex function of a few straight pieces: it ends by itself.
 ROUNDS = 20
 
 

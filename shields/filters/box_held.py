@@ -5,9 +5,9 @@
     speed limit      x = (acceleration, velocity), or (acceleration, velocity, position) with an open x_3
 
 The trajectories that (24) and (28) count on switch inside a period: u_max held once more may overshoot a bound
-on the other side. So the filter counts on what it can hold. Every policy κ of ``rest`` brings the state to rest
-with held inputs; with V(x) the least margin of x_n along the best of them that keeps the other bounds, and G(U)
-the same if U is held for one period first, it asks for
+on the other side. So the filter counts on what it can hold. Every policy κ of ``held_rest`` brings the state
+to rest with held inputs; with V(x) the least margin of x_n along the best of them that keeps the other bounds,
+and G(U) the same if U is held for one period first, it asks for
 
     G(U) >= (1 - γ) V(x),   γ = 1 - exp(-αΔ)
 
@@ -20,7 +20,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import instance_of, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
@@ -32,7 +32,7 @@ from shields.filters.held_rest import (
     FALL,
     RISE,
     STOP,
-    Box,
+    HeldBox,
     extremes_of_arc,
     extremes_to_rest,
     margin_of,
@@ -155,7 +155,9 @@ def sampled_box_input(
     return u.reshape(shape)[()], in_set.reshape(shape)[()]
 
 
-def _filtered(box: BoxSet, rows: Array, wanted: Array, period: float, alpha: float):
+def _filtered(
+    box: BoxSet, rows: Array, wanted: Array, period: float, alpha: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     period = positive_number("period", period)
     limits = _held_box(box, period)
     if rows.shape[1] != len(box.bounds.lower):
@@ -163,7 +165,7 @@ def _filtered(box: BoxSet, rows: Array, wanted: Array, period: float, alpha: flo
     return filtered_rows(box_held_batch, rows, wanted, limits, (period, -math.expm1(-alpha * period)))
 
 
-def _held_box(box: BoxSet, period: float) -> Box:
+def _held_box(box: BoxSet, period: float) -> HeldBox:
     lower, upper, u_min, u_max = instance_of("box", box, BoxSet).bounds
     if not ((lower[:-1] <= 0.0) & (upper[:-1] >= 0.0)).all():
         raise ValueError(
@@ -171,4 +173,4 @@ def _held_box(box: BoxSet, period: float) -> Box:
         )
     absent = [math.inf] * (3 - len(lower))
     low, high = (*lower.tolist(), *(-b for b in absent)), (*upper.tolist(), *absent)
-    return Box(low, high, u_min, u_max, period)
+    return HeldBox(low, high, u_min, u_max, period)

@@ -20,11 +20,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import instance_of, positive_number
 from shields.chains.braking import BrakingSet
-from shields.chains.rows import state_rows
+from shields.chains.rows import Array, state_rows
 from shields.filters.admitted import filtered_rows
 from shields.filters.braking_backup import braking_held_batch
 
@@ -78,7 +78,9 @@ def sampled_braking_input(
     return u.reshape(shape)[()], in_set.reshape(shape)[()]
 
 
-def _filtered(limits, rows, wanted, period, alpha):
+def _filtered(
+    limits: BrakingSet, rows: Array, wanted: Array, period: float, alpha: float
+) -> tuple[Array, Array, NDArray[np.bool_]]:
     bounds = instance_of("limits", limits, BrakingSet).bounds
     if rows.shape[1] != 4:
         raise ValueError(f"x must have shape (…, 4), got (…, {rows.shape[1]})")

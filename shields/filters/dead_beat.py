@@ -1,4 +1,4 @@
-"""Braking that is rounded to whole periods: backups whose inputs are themselves held.
+"""Dead-beat braking, at rest after whole periods: for backups whose inputs are themselves held.
 
 From x_1 = q >= 0 full braking for whole periods, with what is left over in the last one, moves x_2 by
 

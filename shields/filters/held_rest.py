@@ -25,8 +25,8 @@ ROUNDS = 300
 SAME = 1e-12
 
 
-class Box(NamedTuple):
-    """Bounds of x_1 to x_3 and of the input, infinite where there are none, and the period."""
+class HeldBox(NamedTuple):
+    """A box as held policies see it: bounds of x_1 to x_3 and of the input, inf where there are none; Δ, s."""
 
     lower: tuple
     upper: tuple
@@ -44,7 +44,7 @@ def negated(v):
 @inline_kernel
 def mirror(box):
     """The box of -x under -u."""
-    return Box(negated(box.upper), negated(box.lower), -box.u_max, -box.u_min, box.period)
+    return HeldBox(negated(box.upper), negated(box.lower), -box.u_max, -box.u_min, box.period)
 
 
 @inline_kernel

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
-from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, LARGEST, MOVING, TOO_LARGE
+from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, TOO_FAR, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
 LONGEST_PERIOD = 2.0  # s
+# The keys of a snapshot of ``Shield``.
 SNAPSHOT = {"memory", "size", "period", "is_single"}
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
 
@@ -61,15 +62,15 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
         return ValueError(
             f"method 'cbf' takes one obstacle, got {most} with radius > 0; several need method 'sampled'"
         )
-    name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= LARGEST), "flat")
+    name = next((name for name, array in found.items() if abs(array).max(initial=0.0) >= TOO_FAR), "flat")
     most = abs(found[name]).max()
     return ValueError(f"{name} must be small enough for float64 arithmetic, got up to {most:g}")
 
 
 def unusable_rows(flat: NDArray, center: NDArray, radius: NDArray) -> NDArray[np.bool_]:
     """The rows (N,) whose own measurements no method can use: not finite, too large, or a radius below 0."""
-    lengths = np.all(np.abs(flat) < LARGEST, axis=(1, 2)) & np.all(np.abs(center) < LARGEST, axis=(1, 2))
-    return np.logical_not(lengths & ((radius >= 0.0) & (radius < LARGEST)).all(axis=1))
+    lengths = np.all(np.abs(flat) < TOO_FAR, axis=(1, 2)) & np.all(np.abs(center) < TOO_FAR, axis=(1, 2))
+    return np.logical_not(lengths & ((radius >= 0.0) & (radius < TOO_FAR)).all(axis=1))
 
 
 def row_error(i: int, flat: NDArray, center: NDArray, radius: NDArray) -> ValueError:

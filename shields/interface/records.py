@@ -1,6 +1,25 @@
 """What kernels pass to each other: what was measured, what is answered, what a certified flight keeps to.
 
-Arrays in tuples are for kernels alone: from Python they would take microseconds to cross.
+Arrays in tuples are for kernels alone: from Python they would take microseconds to cross. What kernels of
+``shields.backup`` and ``shields.methods`` are given has the same name, shape and unit everywhere:
+
+| parameter       | what it is                                                                               |
+|-----------------|------------------------------------------------------------------------------------------|
+| i, k            | a row, a vehicle; a sphere of it; in batches n and k are N and K                         |
+| x               | ``Flat``, world frame, SI; relative to a sphere where that is said                       |
+| snap, wanted, u | 3 numbers, m/s⁴: any; the desired one; what would be flown                               |
+| n               | a direction, 3 numbers, of length 1 in half-spaces                                       |
+| spheres         | ``Obstacles`` beside a row i, else the ``MovingSpheres`` of one world                    |
+| distance, keep  | to keep from a centre, m; ``share``: the same in radii                                   |
+| plan            | a stored stop, ``shields.backup.stored_stop.PLAN``                                       |
+| frame           | w, with which a stop ends, m/s                                                           |
+| start, h        | when something begins, from now on, s; length of a segment of a stop, s                  |
+| period          | Δ of control, s                                                                          |
+| band, limits    | ``ThrustBand``, ``FlightLimits``                                                         |
+| flight          | ``FlightRules``                                                                          |
+| gains           | of a feedback on (r, v, a, j) or (v, a, j)                                               |
+| settings, tube  | ``ShieldSettings`` and ``Width``, or None, of ``shields.methods.memory``                 |
+| fact            | one row of ``FACTS``                                                                     |
 """
 
 from typing import NamedTuple
@@ -17,7 +36,7 @@ class ThrustBand(NamedTuple):
 
 
 class MovingSpheres(NamedTuple):
-    """Spheres of one world: centers (K, 3), velocities (K, 3), distances to keep (K,), 0 for an absent one."""
+    """Spheres of one world: centres (K, 3), m, velocities, m/s, distances to keep (K,), m, 0 for none."""
 
     center: np.ndarray
     velocity: np.ndarray
@@ -51,7 +70,7 @@ class Answers(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A half-space ``n·u ≥ least``, the set value g_4 along n, and whether the state is in that set."""
+    """A half-space ``n·u ≥ least``, m/s⁴, the set value along n, and whether the state is in that set."""
 
     n: tuple
     least: float
@@ -72,7 +91,7 @@ class FlightLimits(NamedTuple):
 
 
 class FlightRules(NamedTuple):
-    """How a vehicle is flown: the control period, s, the limits, the gains that hold it on a stored stop."""
+    """How a vehicle is flown: the control period, s, the limits, the gains (4,) that hold it on a stop."""
 
     period: float
     limits: FlightLimits

@@ -19,7 +19,7 @@ BRAKING_POLE = 3.0
 # What a method says of the rows that it was given.
 DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED = range(6)
 # Measurements from here on are too large: the square of a length has to fit into float64.
-LARGEST = 1e100
+TOO_FAR = 1e100
 # Set values within rounding of 0 count as 0.
 ROUNDING = 1e-9
 # The types of what is taken out of flat memory.
@@ -53,7 +53,7 @@ def checked_rows(measured, n, k):
     ):
         return BAD_SHAPES
     for i in range(n):
-        if not is_usable(i, measured, LARGEST):
+        if not is_usable(i, measured, TOO_FAR):
             return TOO_LARGE if is_usable(i, measured, math.inf) else BAD_MEASUREMENT
     return DONE
 

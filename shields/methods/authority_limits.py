@@ -7,8 +7,7 @@ With q = r̈ + g e3 the specific thrust is ‖q‖ and, for a held snap u,
     floor    e = q/‖q‖                 (e·r⃛, e·q), input e·u, along a fixed e, is one too
 
 and the sampled filter of order 2 (``shields.filters.sampled``) keeps the last two in the band. The planes touch
-curved
-sets: what still leaves them is refused by the certificate.
+curved sets: what still leaves them is refused by the certificate.
 """
 
 from quadsafe_core.kernels.jit import kernel
@@ -16,6 +15,7 @@ from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
 from shields.filters.sampled import required
 from shields.interface.records import Demand
 
+# Jerk, ceiling, floor.
 LIMITS = 3
 
 

@@ -1,4 +1,4 @@
-"""The safety filter of Section V-C, in closed form.
+"""The safety filter of Section V-C with control barrier functions (CBF), in closed form.
 
     minimise |U − U_des|   subject to   ℒg_i(U) + α g_i ≥ 0   for i = 1 … 4                        (33)
 
@@ -225,8 +225,8 @@ class CbfMethod:
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Room for the settings, and velocities of 0."""
-        self._size = (rows, obstacles)
-        self.memory = np.zeros(CBF_SETTINGS.itemsize + 24 * rows * obstacles, dtype=np.uint8)
+        self._size, velocities = (rows, obstacles), 3 * rows * obstacles * FLOATS.itemsize
+        self.memory = np.zeros(CBF_SETTINGS.itemsize + velocities, dtype=np.uint8)
         record = cbf_memory(self.memory, rows, obstacles)[0][0]
         record["rows"], record["obstacles"] = rows, obstacles
 

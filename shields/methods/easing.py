@@ -38,12 +38,6 @@ class Easing(NamedTuple):
     within: float
 
 
-def easing_at(period: float, margin: float) -> Easing:
-    """The ``Easing`` at a control period, s, of a shield with that margin."""
-    within = (1.0 + (1.0 - SHARE) * margin) / (1.0 + margin)
-    return Easing(tuple(held_gains(4, POLE, period).tolist()), -math.expm1(-POLE * period), within)
-
-
 @inline_kernel
 def easing_input(x, easing):
     """(E1); x highest derivative first."""
@@ -77,3 +71,9 @@ def is_in_cone(x, least, most, easing, t):
             return False
         x = next_in_line(x, t, easing.left)
     return True
+
+
+def easing_at(period: float, margin: float) -> Easing:
+    """The ``Easing`` at a control period, s, of a shield with that margin."""
+    within = (1.0 + (1.0 - SHARE) * margin) / (1.0 + margin)
+    return Easing(tuple(held_gains(4, POLE, period).tolist()), -math.expm1(-POLE * period), within)

@@ -34,12 +34,12 @@ def bounds_of(settings: Mapping[str, Any]) -> FlightBounds:
     return FlightBounds(kept.snap_max, whole.snap_max, limits, kept)
 
 
-def _limit(setting: float | None) -> float:
-    return math.inf if setting is None else setting
-
-
 def closing_bounds(settings: Mapping[str, Any]) -> tuple[float, float, float]:
     """Lower bounds of R1, R2 and R3 in a shield's settings; −inf, which never binds, for none."""
     names = ("max_closing_speed", "max_closing_acceleration", "max_closing_jerk")
     speed, acceleration, jerk = (-math.inf if settings[name] is None else -settings[name] for name in names)
     return speed, acceleration, jerk
+
+
+def _limit(setting: float | None) -> float:
+    return math.inf if setting is None else setting

@@ -151,24 +151,6 @@ def tube_memory(memory, n, k, delay):
     return TubeMemory(flats, centers, radii, before, pending, chains)
 
 
-def sampled_size(n: int, k: int) -> int:
-    """Bytes of a ``SampledMemory``."""
-    return SETTINGS.itemsize + n * PLAN.itemsize + n * k * (HALF_SPACE.itemsize + 24)
-
-
-def tube_size(n: int, k: int, delay: int) -> int:
-    """Bytes of a ``TubeMemory``."""
-    return n * (96 + 32 * k + PLAN.itemsize + 24 * delay + 8)
-
-
-def empty_memory(n: int, k: int, delay: int, size: int) -> NDArray[np.uint8]:
-    """Memory of so many bytes for N vehicles and K spheres that remembers nothing."""
-    memory = np.zeros(size, dtype=np.uint8)
-    settings, _ = taken(memory, SETTINGS_ROW, (1,))
-    settings[0]["rows"], settings[0]["obstacles"], settings[0]["delay"] = n, k, delay
-    return memory
-
-
 @kernel
 def is_memory_of(memory, n, k, out):
     """Whether memory and answer are those of N vehicles and K spheres."""
@@ -197,6 +179,27 @@ def settings_of(s, kind):
         closing is None and authority is None,
         only_if(kind[2], Width(w[0], w[1])),
     )
+
+
+def sampled_size(n: int, k: int) -> int:
+    """Bytes of a ``SampledMemory``."""
+    velocity = 3 * FLOATS.itemsize
+    return SETTINGS.itemsize + n * PLAN.itemsize + n * k * (HALF_SPACE.itemsize + velocity)
+
+
+def tube_size(n: int, k: int, delay: int) -> int:
+    """Bytes of a ``TubeMemory``."""
+    flat, center, radius, answer, chain = 12, 3, 1, 3, 1
+    numbers = flat + k * (center + radius) + delay * answer + chain
+    return n * (PLAN.itemsize + numbers * FLOATS.itemsize)
+
+
+def empty_memory(n: int, k: int, delay: int, size: int) -> NDArray[np.uint8]:
+    """Memory of so many bytes for N vehicles and K spheres that remembers nothing."""
+    memory = np.zeros(size, dtype=np.uint8)
+    settings, _ = taken(memory, SETTINGS_ROW, (1,))
+    settings[0]["rows"], settings[0]["obstacles"], settings[0]["delay"] = n, k, delay
+    return memory
 
 
 def write_settings(

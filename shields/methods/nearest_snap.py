@@ -19,7 +19,7 @@ from shields.methods.authority_limits import LIMITS, limit_demand
 from shields.methods.halfspace import closing_along, demand_along, distance_demand, excess
 
 # A stop starts where the vehicle is: its first control point lies on the plane, but for rounding.
-SLACK = 1.0 - 1e-12
+JUST_INSIDE = 1.0 - 1e-12
 
 
 class HalfSpaces(NamedTuple):
@@ -84,12 +84,12 @@ def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
 
 
 @kernel
-def enter(half_spaces, row, demand, u):
-    """Enter a half-space that u is outside of; False if u is inside, or the half-space is in already."""
-    if not excess(demand, u) > 0.0 or half_spaces.offsets[row] > -math.inf:
+def enter(half_spaces, place, demand, u):
+    """Enter a half-space that u is outside of at a place; False if u is inside, or the place is taken."""
+    if not excess(demand, u) > 0.0 or half_spaces.offsets[place] > -math.inf:
         return False
-    write3(half_spaces.normals[row], demand.n)
-    half_spaces.offsets[row] = demand.least
+    write3(half_spaces.normals[place], demand.n)
+    half_spaces.offsets[place] = demand.least
     return True
 
 
@@ -176,7 +176,7 @@ def shortened(u, half_spaces, snap_max):
         return u
     way = subtract(u, least)
     a, b, c = dot(way, way), dot(way, least), dot(least, least) - snap_max * snap_max
-    return combined(least, SLACK * max((math.sqrt(max(b * b - a * c, 0.0)) - b) / a, 0.0), way)
+    return combined(least, JUST_INSIDE * max((math.sqrt(max(b * b - a * c, 0.0)) - b) / a, 0.0), way)
 
 
 @kernel

@@ -25,7 +25,7 @@ from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
 from shields.interface.records import FlightLimits, FlightRules, MovingSpheres, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
-from shields.methods.nearest_snap import SLACK, Row, choose_directions, direction, nearest_snap
+from shields.methods.nearest_snap import JUST_INSIDE, Row, choose_directions, direction, nearest_snap
 
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
@@ -61,7 +61,7 @@ def distances_to_keep(plan, x, spheres, settings, tube):
         if radius[k] > 0.0:
             ahead[k], stored[k], bare[k] = (1 + 0.5 * margin) * radius[k], (1 - ROUNDING) * radius[k], radius[k]
             if tube is None:
-                ahead[k] = min(ahead[k], SLACK * norm(subtract(x.r, vector(center[k]))))
+                ahead[k] = min(ahead[k], JUST_INSIDE * norm(subtract(x.r, vector(center[k]))))
                 stored[k] += 2 * off
             else:
                 stored[k] += 2 * max(off - tube.estimate, 0.0)
@@ -103,8 +103,8 @@ def limits_at(x, limits, tube):
     return FlightLimits(
         limits.snap_max,
         limits.stop_snap_max,
-        max(limits.jerk_max, norm(x.j) / SLACK),
-        ThrustBand(min(band.least, SLACK * thrust), max(band.most, thrust / SLACK), band.gravity),
+        max(limits.jerk_max, norm(x.j) / JUST_INSIDE),
+        ThrustBand(min(band.least, JUST_INSIDE * thrust), max(band.most, thrust / JUST_INSIDE), band.gravity),
     )
 
 

@@ -46,6 +46,8 @@ MOST_SHARE, MOST_RADIUS = 1.0 / 3.0, 0.02
 MOST_STEPS = 100
 # Steps of σ, down to numbers at which nothing moves.
 SCALES = tuple(0.8**k for k in range(32))
+# Ends a sentence on what the inner loop does not follow.
+WAYS_OUT = "inner_loop='measured' counts on the margin instead"
 NO_TUBE = Tube(np.zeros(4), 0.0, np.zeros(4), np.zeros(4))
 
 
@@ -76,14 +78,6 @@ def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str
     return {**settings, "authority": whole._asdict(), "uncertainty": _with_error(told, error)}
 
 
-def _declared(told: Uncertainty) -> str:
-    errors = {name: value for name, value in told._asdict().items() if value}
-    return f" with {errors}" if errors else ""
-
-
-WAYS_OUT = "inner_loop='measured' counts on the margin instead"
-
-
 def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> dict[str, Any]:
     """The settings with gravity, thrust floor and ceiling of the plant.
 
@@ -98,6 +92,13 @@ def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> di
     found = {**own, **{name: value for name, value in settings.items() if value is not None}}
     _check_numbers(found, model)
     return {**settings, **{name: found[name] for name in own}}
+
+
+@cache
+def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
+    """The tubes of what was told, for every pole."""
+    error, added = predicted_error(told, check_period(period), 0.0)
+    return tuple(tube_at(pole, error, added, period) for pole in POLES)
 
 
 def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dict[str, Any]:
@@ -157,13 +158,6 @@ def _limits(numbers: Mapping[str, float]) -> FlightLimits:
     band = ThrustBand(numbers["thrust_min"], numbers["thrust_max"], numbers["gravity"])
     stop = numbers["snap_max"] * numbers["reserve"]
     return FlightLimits(numbers["held_snap_max"], stop, numbers["jerk_max"], band)
-
-
-@cache
-def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
-    """The tubes of what was told, for every pole."""
-    error, added = predicted_error(told, check_period(period), 0.0)
-    return tuple(tube_at(pole, error, added, period) for pole in POLES)
 
 
 def _wider(base: Tube, unit: Tube, snap: float) -> Tube:
@@ -243,3 +237,8 @@ def _check_authority(whole, model: FlightModel) -> None:
         and whole.thrust_max <= own.thrust_max * (1 + 1e-9)
     ):
         raise ValueError(f"authority must be within the plant's {own}, got {whole}")
+
+
+def _declared(told: Uncertainty) -> str:
+    errors = {name: value for name, value in told._asdict().items() if value}
+    return f" with {errors}" if errors else ""

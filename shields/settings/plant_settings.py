@@ -36,6 +36,11 @@ def settings_for(plant: Any, inner_loop: str, settings: Mapping[str, Any]) -> di
     return checked_plant_numbers(given, plant.flight_model)
 
 
+def plain_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """The settings as JSON can hold them."""
+    return {name: _plain(value) for name, value in settings.items()}
+
+
 def _numbers(name: str, value: Any, plant: Any) -> Any:
     """The setting, or the plant's own if it is the word for that."""
     if not isinstance(value, str):
@@ -46,11 +51,6 @@ def _numbers(name: str, value: Any, plant: Any) -> Any:
     if not hasattr(plant, name):
         raise TypeError(f"env must have {name}() for {name}={word!r}, got {type(plant).__name__}")
     return getattr(plant, name)()
-
-
-def plain_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings as JSON can hold them."""
-    return {name: _plain(value) for name, value in settings.items()}
 
 
 def _plain(value: Any) -> Any:

@@ -97,9 +97,9 @@ class Tube(NamedTuple):
     """Bounds of the deviation from a stored stop, and of the feedback.
 
     Args:
-        deviation: (4,) of r, v, a, j at every instant.
-        feedback: of the snap k·(x̄ − x̂).
-        error: (4,) of the state that the shield works on.
+        deviation: (4,) of r, v, a, j at every instant, SI.
+        feedback: of the snap k·(x̄ − x̂), m/s⁴.
+        error: (4,) of the state that the shield works on, SI.
         gains: k, (4,).
     """
 
@@ -192,14 +192,6 @@ def tube_at(pole: float, error: Array, added: Array, period: float) -> Tube:
     return Tube(sides + added, float(most[-1]), error, gains)
 
 
-def _powers(matrix: Array, count: int) -> Array:
-    """(count, 4, 4) its powers from 0 up."""
-    powers = [np.eye(4)]
-    for _ in range(count - 1):
-        powers.append(matrix @ powers[-1])
-    return np.array(powers)
-
-
 def share_taken(tube: Tube, limits: FlightLimits) -> float:
     """The largest share that errors take of a stop's snap, of the jerk, of the ways from hover to the band."""
     _, _, acceleration, jerk = tube.deviation
@@ -264,3 +256,11 @@ def tightened(limits: FlightLimits, tube: Tube) -> FlightLimits:
         limits.jerk_max - jerk,
         ThrustBand(band.least + acceleration, band.most - acceleration, band.gravity),
     )
+
+
+def _powers(matrix: Array, count: int) -> Array:
+    """(count, 4, 4) its powers from 0 up."""
+    powers = [np.eye(4)]
+    for _ in range(count - 1):
+        powers.append(matrix @ powers[-1])
+    return np.array(powers)

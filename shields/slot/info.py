@@ -35,8 +35,6 @@ STEP = np.dtype(
 )
 KEYS = tuple(STEP.names or ())
 MASKS = tuple(f"_{key}" for key in KEYS)
-
-
 FLAT_KEYS = MappingProxyType({key: f"shield/{key}" for key in KEYS})
 FLAT_NAMES = MappingProxyType({**FLAT_KEYS, **{mask: f"_shield/{mask[1:]}" for mask in MASKS}})
 

@@ -11,9 +11,11 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
-from shields.interface.row_checks import BRAKING_POLE, LARGEST, ROUNDING, answers_in
+from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP
 from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
+
+Floats = NDArray[np.float64]
 
 
 class RecordedShield(Protocol):
@@ -34,7 +36,7 @@ class RecordedShield(Protocol):
         """Whether ``backup`` may be asked."""
         ...
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
         """Safe snaps of N rows."""
         ...
 
@@ -112,7 +114,7 @@ def braking_answer(flat: NDArray, snap: NDArray, period: float) -> Filtered:
     n = len(flat)
     gains, numbers = held_gains(3, BRAKING_POLE, period), np.zeros(NUMBERS * n)
     answer = Filtered(numbers, (n,))
-    measured = np.where(np.abs(flat[:, 1:]) < LARGEST, flat[:, 1:], np.nan)
+    measured = np.where(np.abs(flat[:, 1:]) < TOO_FAR, flat[:, 1:], np.nan)
     snaps = -np.einsum("o,noi->ni", gains, measured)
     answer.snap[:] = np.where(np.isfinite(snaps), snaps, 0.0)
     facts = answer.facts
@@ -146,7 +148,7 @@ class Recorder:
         """Open a policy step."""
         self._periods, self._begun = 0, None
 
-    def filter(self, flat, center, radius, snap, period: float) -> Filtered:
+    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
         try:
             answer = self.shield.filter(flat, center, radius, snap, period)

@@ -31,8 +31,6 @@ SENTENCE = (
     "the state that came is not the one predicted from the last: row {row} is off by {off} in r, v, a and j, "
     "beyond the declared {declared}; what flies it is not what the shield was told"
 )
-
-
 # What is remembered of a row to compare with what comes.
 WATCH = np.dtype(
     [
@@ -43,26 +41,6 @@ WATCH = np.dtype(
         ("known", "i8"),  # samples since the row was reset
     ]
 )
-
-
-def expectation(declared: Uncertainty | None, period: float, snap_max: float) -> NDArray[np.float64]:
-    """(4,) how far a sample may be off the prediction in r, v, a and j, SI.
-
-    Args:
-        declared: the errors, None for none.
-        period: Δ, s.
-        snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
-    """
-    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
-    error, added = predicted_error(told, period, snap_max)
-    return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
-
-
-def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:
-    """(4,) ``expectation`` of a shield of these settings."""
-    limits = bounds_of(settings).limits
-    longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
-    return expectation(checked_uncertainty(settings["uncertainty"]), period, longest)
 
 
 @inline_kernel
@@ -96,3 +74,23 @@ def watch_row(i, flat, answer, watch, line):
     write3(line[i, line.shape[1] - 1], vector(answer[i]))
     watch["known"] += 1
     return is_off
+
+
+def expectation(declared: Uncertainty | None, period: float, snap_max: float) -> NDArray[np.float64]:
+    """(4,) how far a sample may be off the prediction in r, v, a and j, SI.
+
+    Args:
+        declared: the errors, None for none.
+        period: Δ, s.
+        snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
+    """
+    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
+    error, added = predicted_error(told, period, snap_max)
+    return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+
+
+def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:
+    """(4,) ``expectation`` of a shield of these settings."""
+    limits = bounds_of(settings).limits
+    longest = limits.snap_max if limits.snap_max < math.inf else limits.stop_snap_max
+    return expectation(checked_uncertainty(settings["uncertainty"]), period, longest)

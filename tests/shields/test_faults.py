@@ -14,7 +14,7 @@ from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking_arcs import BrakingBounds
 from shields.filters.braking_backup import rising_periods
-from shields.filters.held_rest import Box, climbing_periods
+from shields.filters.held_rest import HeldBox, climbing_periods
 from shields.methods.memory import sampled_memory, tube_memory
 from shields.slot.recorder import Recorder
 
@@ -155,7 +155,8 @@ def test_a_state_beyond_reason_is_answered_and_not_searched_for_ever():
     bounds = BrakingBounds(1.0, 60.0, 10.0, -300.0, 300.0)
     assert rising_periods(-1e12, 0.0, bounds, 1e-9) <= 2.0**52
     none = (-math.inf,) * 3
-    assert climbing_periods(False, -1e12, -1e300, Box(none, (60.0, 10.0, 1.0), -300.0, 300.0, 1e-9)) <= 2.0**52
+    box = HeldBox(none, (60.0, 10.0, 1.0), -300.0, 300.0, 1e-9)
+    assert climbing_periods(False, -1e12, -1e300, box) <= 2.0**52
     flat = np.array([[2.0, 0, 0], [1e16, 0, 0], [-1e20, 0, 0], [1e12, 0, 0]])
     center, radius = np.zeros((1, 3)), np.ones(1)
     answer = Shield(authority=AUTHORITY).filter(flat, center, radius, [100.0, 0, 0], 1e-8)

@@ -16,7 +16,7 @@ from shields.filters.held_rest import (
     FALL,
     RISE,
     STOP,
-    Box,
+    HeldBox,
     extremes_of_arc,
     extremes_to_rest,
     margin_of,
@@ -49,7 +49,7 @@ def states(box, rng, count):
 
 
 def kernel_box(box, period):
-    return Box(tuple(box.bounds.lower.tolist()), tuple(box.bounds.upper.tolist()), *box.bounds[2:], period)
+    return HeldBox(tuple(box.bounds.lower.tolist()), tuple(box.bounds.upper.tolist()), *box.bounds[2:], period)
 
 
 @pytest.mark.interpreted
@@ -104,7 +104,7 @@ def test_policies_come_to_rest_at_any_scale_and_from_outside_the_box():
         bounds = np.exp(rng.uniform(-2.0, 2.0, size=(2, 4))) * units
         time = (units[2] / units[3]) ** (1.0 / 3.0)
         lower, upper = tuple((-bounds[0, :3]).tolist()), tuple(bounds[1, :3].tolist())
-        limits = Box((-inf, *lower[1:]) if k % 3 == 0 else lower, upper, *(bounds[:, 3] * [-1.0, 1.0]), 0.0)
+        limits = HeldBox((-inf, *lower[1:]) if k % 3 == 0 else lower, upper, *(bounds[:, 3] * [-1.0, 1.0]), 0.0)
         limits = limits._replace(period=time * np.exp(rng.uniform(-11.0, 1.0)))
         x = tuple((2.0 * rng.normal(size=3) * units[:3]).tolist())
         for policy in (STOP, RISE, FALL):
@@ -209,7 +209,7 @@ def test_the_correction_is_the_least_that_a_dense_search_finds(name):
     box, rng, period = BOXES[name], np.random.default_rng(8), 0.05
     order = len(box.bounds.lower)
     absent = (inf,) * (3 - order)
-    limits = Box(
+    limits = HeldBox(
         (*box.bounds.lower.tolist(), *(-b for b in absent)),
         (*box.bounds.upper.tolist(), *absent),
         box.bounds.u_min,
@@ -337,7 +337,7 @@ def test_extremes_of_an_arc_are_those_of_a_dense_search():
 
 @pytest.mark.interpreted
 def test_the_margin_is_that_of_the_last_coordinate_unless_another_bound_is_broken():
-    box = Box((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0), -1.0, 1.0, 0.1)
+    box = HeldBox((-1.0, -2.0, -3.0), (1.0, 2.0, 3.0), -1.0, 1.0, 0.1)
     inside = ((-0.5, -1.0, -2.9), (0.5, 1.0, 2.5))
     assert margin_of(3, inside, box, 1e-12) == pytest.approx(0.1)
     assert margin_of(2, inside, box, 1e-12) == 1.0 and margin_of(1, inside, box, 1e-12) == 0.5
@@ -349,7 +349,7 @@ def test_the_margin_is_that_of_the_last_coordinate_unless_another_bound_is_broke
     assert margin_of(3, ((-0.5, -1.0, -2.0), (0.5, 2.75, 2.5)), box, 1e-12) == -0.75
     assert margin_of(3, ((-1.0 - 1e-13, -2.0 - 1e-13, -2.0), (1.0, 2.0, 2.5)), box, 1e-12) == 0.5
     nowhere = ((-inf,) * 3, (inf,) * 3)
-    free = Box((-inf,) * 3, (inf,) * 3, -1.0, 1.0, 0.1)
+    free = HeldBox((-inf,) * 3, (inf,) * 3, -1.0, 1.0, 0.1)
     assert margin_of(3, nowhere, box, 1e-12) == margin_of(3, nowhere, free, 1e-12) == -inf
     assert 1e308 < margin_of(3, inside, free, 1e-12) < inf
 
