@@ -14,6 +14,7 @@ from agents.experiment.environments import make_env, of_arm
 from agents.experiment.files import read_csv, read_json, write_csv, write_json
 from agents.experiment.runs import Run
 from agents.measure.evaluate import FLIGHT, agent_of
+from shields.slot.info import shield_in
 
 AXES = "xyz"
 # Position before a step; the snaps of its last control period, which only a shield tells; the least clearance.
@@ -70,7 +71,7 @@ def write_trace(run: Run) -> None:
             position = env.unwrapped.flat_state()[0].tolist()
             action, _ = agent.predict(observation[None], deterministic=True)
             observation, _, terminated, truncated, info = env.step(action[0])
-            shield = info.get("shield")
+            shield = shield_in(info)
             snaps = NO_SNAPS if shield is None else (*shield["snap_desired"], *shield["snap_applied"])
             intervened = shield is not None and shield["intervened"]
             rows.append([is_shielded, round(time, 9), *position, *snaps, intervened, info["clearance"]])
