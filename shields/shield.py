@@ -295,4 +295,4 @@ class Shield:
         n, k = snapshot["size"].tolist()
         self._are_still = False
         self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
-        self._method.memory[:] = checked_memory(snapshot["memory"], self._method.memory)
+        self._method.recall(checked_memory(snapshot["memory"], self._method.memory))

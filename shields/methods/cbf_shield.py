@@ -240,6 +240,10 @@ class CbfMethod:
         """Spheres move at velocities (N, K, 3), m/s, or all at 0; those that do are refused."""
         cbf_memory(self.memory, *self._size)[1][:] = velocity
 
+    def recall(self, found: NDArray[np.uint8]) -> None:
+        """Go on from the memory of an equal method."""
+        self.memory[CBF_SETTINGS.itemsize :] = found[CBF_SETTINGS.itemsize :]
+
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         record, kept = cbf_memory(self.memory, *self._size)[0][0], self._settings

@@ -17,7 +17,7 @@ from quadsafe_core.kernels.choice import only_if
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
-from shields.backup.stored_stop import PLAN
+from shields.backup.stored_stop import LENGTHS, PLAN, SEGMENTS
 from shields.interface.filtered import NUMBERS
 from shields.interface.records import FlightLimits, FlightRules, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, FLOATS
@@ -149,6 +149,21 @@ def tube_memory(memory, n, k, delay):
     pending, memory = taken(memory, FLOATS, (n, delay, 3))
     chains, memory = taken(memory, FLOATS, (n,))
     return TubeMemory(flats, centers, radii, before, pending, chains)
+
+
+def recall(memory: NDArray[np.uint8], found: NDArray[np.uint8]) -> None:
+    """Put another memory in place of one, but for the settings, which stand first: sizes are read from them."""
+    memory[SETTINGS.itemsize :] = found[SETTINGS.itemsize :]
+
+
+def check_stops(plans: NDArray[np.void]) -> None:
+    """Raise unless stops from outside are such as kernels can look at."""
+    choice, left = plans["choice"], plans["segments_left"]
+    if not ((choice >= 0) & (choice < len(LENGTHS)) & (left >= 0) & (left <= SEGMENTS)).all():
+        raise ValueError(
+            f"snapshot must hold stops of choice 0 to {len(LENGTHS) - 1} and 0 to {SEGMENTS} segments left, "
+            f"got choice {choice.min()} to {choice.max()}, {left.min()} to {left.max()} segments"
+        )
 
 
 @kernel

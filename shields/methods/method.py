@@ -40,6 +40,9 @@ class Method(Protocol):
     def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
         """From now on the spheres move at velocities (N, K, 3), m/s, or all at 0."""
 
+    def recall(self, found: NDArray[Any]) -> None:
+        """Go on from the memory of an equal method, all but its settings: a file may have been changed."""
+
     def at(self, period: float) -> Kernels:
         """What filters at a control period, s."""
         ...

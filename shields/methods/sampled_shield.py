@@ -15,9 +15,11 @@ from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_r
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
+    check_stops,
     empty_memory,
     is_memory_of,
     kind_of,
+    recall,
     sampled_memory,
     sampled_size,
     settings_of,
@@ -78,6 +80,11 @@ class SampledMethod:
     def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
         """Spheres move at velocities (N, K, 3), m/s, or all at 0."""
         sampled_memory(self.memory, *self._size)[0].velocities[:] = velocity
+
+    def recall(self, found: NDArray[np.uint8]) -> None:
+        """Go on from the memory of an equal method."""
+        check_stops(sampled_memory(found, *self._size)[0].rows.plans)
+        recall(self.memory, found)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""

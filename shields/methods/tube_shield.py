@@ -28,9 +28,11 @@ from shields.methods.memory import (
     SETTINGS_ROW,
     SampledMemory,
     TubeMemory,
+    check_stops,
     empty_memory,
     is_memory_of,
     kind_of,
+    recall,
     sampled_memory,
     sampled_size,
     settings_of,
@@ -208,6 +210,13 @@ class TubeMethod:
     def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
         """Spheres move at velocities (N, K, 3), m/s, or all at 0."""
         self._parts()[0].velocities[:] = velocity
+
+    def recall(self, found: NDArray[np.uint8]) -> None:
+        """Go on from the memory of an equal method."""
+        held, rest = sampled_memory(found, *self._size)
+        check_stops(held.rows.plans)
+        check_stops(tube_memory(rest, *self._size, self._uncertainty.delay).before)
+        recall(self.memory, found)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""

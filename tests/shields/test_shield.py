@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from shields import Filtered, Shield
 from shields.chains.radial import radial_snap, radial_state
 from shields.methods.cbf_shield import ClosingBounds, Limits, filtered_input
+from shields.methods.memory import sampled_memory
 
 PERIOD = 0.01
 SNAP_MAX = 30.0
@@ -491,3 +492,30 @@ def test_motion_of_the_spheres_is_heard_in_the_second_call_too():
         shield.filter(flat, center, radius, snap, PERIOD, acceleration=moving)
     still = np.array(shield.filter(flat, center, radius, snap, PERIOD).value)
     assert not np.array_equal(shield.filter(flat, center, radius, snap, PERIOD, velocity=moving).value, still)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}, {"method": "cbf"}])
+def test_a_changed_snapshot_changes_no_size_and_no_setting(given):
+    flat, center, radius, snap = rows(2)
+    shield, twin = Shield(**given), Shield(**given)
+    shield.filter(flat, center, radius, snap, PERIOD)
+    whole, changed = shield.snapshot(), shield.snapshot()
+    # Sizes and settings stand first.
+    changed["memory"][:80] = 255
+    twin.restore(changed)
+    assert twin.snapshot()["memory"].tobytes() == whole["memory"].tobytes()
+    expected = shield.filter(flat, center, radius, snap, PERIOD)
+    assert twin.filter(flat, center, radius, snap, PERIOD).numbers.tobytes() == expected.numbers.tobytes()
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}])
+@pytest.mark.parametrize(("name", "value"), [("choice", 13), ("choice", -1), ("segments_left", 4)])
+def test_a_snapshot_with_a_stop_that_cannot_be_is_refused(given, name, value):
+    shield = Shield(**given)
+    shield.filter(*rows(2), PERIOD)
+    snapshot = shield.snapshot()
+    sampled_memory(snapshot["memory"], *snapshot["size"].tolist())[0].rows.plans[name][1] = value
+    with pytest.raises(ValueError, match="snapshot must hold stops"):
+        shield.restore(snapshot)
