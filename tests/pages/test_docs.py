@@ -124,6 +124,7 @@ def test_the_readme_has_its_examples():
     assert len(README_BLOCKS) >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", README_BLOCKS, ids=range(len(README_BLOCKS)))
 def test_every_example_of_the_readme_runs_when_it_is_copied_alone(block):
     outcome = run_alone(block)

@@ -23,6 +23,7 @@ def found(bench):
     return {key: jobs[key].measure() for key in SAMPLE}
 
 
+@pytest.mark.slow
 def test_what_is_told_holds_within_the_bounds_and_not_beyond(found):
     for key in ("chain all told 50 1", "body all told 50 1"):
         assert (found[key]["violated_episodes"], found[key]["uncertified"]) == (0, 0)
@@ -32,6 +33,7 @@ def test_what_is_told_holds_within_the_bounds_and_not_beyond(found):
     assert found["beyond rotor lag untold 100 4"]["violated_episodes"] > 0
 
 
+@pytest.mark.slow
 def test_the_inner_loop_keeps_its_bound(found):
     from quadsafe_env.tasks.conditions import INNER_LOOP
 

@@ -86,6 +86,7 @@ def test_help_does_not_load_plotly():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
 @pytest.mark.parametrize("width", [1200, 390])
 def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, tmp_path, width):
