@@ -519,3 +519,23 @@ def test_a_snapshot_with_a_stop_that_cannot_be_is_refused(given, name, value):
     sampled_memory(snapshot["memory"], *snapshot["size"].tolist())[0].rows.plans[name][1] = value
     with pytest.raises(ValueError, match="snapshot must hold stops"):
         shield.restore(snapshot)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}])
+def test_velocities_are_those_of_the_call_and_of_no_later_one(given):
+    arguments = rows(2)
+    velocity = np.broadcast_to([0.0, 2.0, 0.0], arguments[1].shape).copy()
+    shield, still = Shield(**given), Shield(**given)
+    moving = shield.filter(*arguments, PERIOD, velocity=velocity).numbers.tobytes()
+    expected = still.filter(*arguments, PERIOD).numbers.tobytes()
+    assert moving != expected
+    shield.reset(np.ones(2, dtype=bool))
+    assert shield.filter(*arguments, PERIOD).numbers.tobytes() == expected
+    # Nor of one that was refused.
+    with pytest.raises(ValueError, match="velocity must be finite"):
+        shield.filter(*arguments, PERIOD, velocity=velocity * np.nan)
+    assert (
+        shield.filter(*arguments, PERIOD).numbers.tobytes()
+        == still.filter(*arguments, PERIOD).numbers.tobytes()
+    )
