@@ -1,4 +1,4 @@
-"""Shapes to keep clear of: what a user says of them, their support and nearest points, and many of them packed."""
+"""Shapes to keep clear of: as a user says them, their support and nearest points, many of them packed."""
 
 from quadsafe_core.shapes.obstacles import Obstacles
 
