@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.ravel import raveled
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.simulation.batches import (
     advance_batch,
     begin_rows,
@@ -60,7 +61,8 @@ INFO_KEYS = (
 )
 
 COLUMNS = frozenset(
-    ["states", "scenes", "outcomes", "flags", "_flat", "_snap", "_yaw_acceleration", "_table", "_commands"]
+    ["states", "scenes", "obstacles", "outcomes", "flags", "_flat", "_snap", "_yaw_acceleration"]
+    + ["_table", "_commands"]
 )
 
 __all__ = ["MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
@@ -148,6 +150,7 @@ class World:
         self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
         self._table, self._commands = rows.table, rows.command
         self.scenes = scenes_of(self._scene_memory)
+        self.obstacles = Obstacles.spheres(self.scenes.center, self.scenes.radius)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name not in COLUMNS}
@@ -172,6 +175,16 @@ class World:
         flat = np.empty_like(self._flat)
         flat_batch(self.states, self.params, flat)
         return flat
+
+    def copied_obstacles(self) -> Obstacles:
+        """The obstacles of every row as they stand now, copies."""
+        scenes = self.scenes
+        return Obstacles(scenes.center.copy(), scenes.radius.copy(), keep_out=self.params.radius)
+
+    def obstacles_of(self, row: int) -> Obstacles:
+        """The obstacles of one row as they stand now, copies."""
+        center, radius = self.scenes.center[row].copy(), self.scenes.radius[row].copy()
+        return Obstacles(center, radius, keep_out=self.params.radius)
 
     def snapshot(self) -> dict[str, NDArray]:
         """All that this world remembers, as copies; the filter in the slot has its own memory."""
@@ -260,8 +273,7 @@ class World:
         self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
     ) -> None:
         self._wish(actions, opens)
-        _, _, center, radius = self.scenes
-        answer = self._slot.filter(self._flat, center, radius, self._snap, self.control_period)
+        answer = self._slot.filter(self._flat, self.obstacles, self._snap, self.control_period)
         self._fly(safe_snaps(answer, self.n), observations, closes)
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
