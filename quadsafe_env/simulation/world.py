@@ -61,8 +61,18 @@ INFO_KEYS = (
 )
 
 COLUMNS = frozenset(
-    ["states", "scenes", "obstacles", "outcomes", "flags", "_flat", "_snap", "_yaw_acceleration"]
-    + ["_table", "_commands"]
+    [
+        "states",
+        "scenes",
+        "obstacles",
+        "outcomes",
+        "flags",
+        "_flat",
+        "_snap",
+        "_yaw_acceleration",
+        "_table",
+        "_commands",
+    ]
 )
 
 __all__ = ["MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
