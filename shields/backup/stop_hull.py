@@ -141,16 +141,10 @@ def moves_away(core, gap, velocity, keep):
     return norm(combined(gap, -ahead, velocity)) >= keep
 
 
-@inline_kernel
-def one_plane_does(core, keep, way, drift, attempt, stop):
-    """Whether one plane keeps period and stop away from a core; ``way``: gaps where they begin and end.
-
-    It lies across the direction in which a straight flight to the end of the stop comes nearest, for a core of
-    more than a point turned towards its nearest point a few times.
-    """
+@kernel
+def turned_plane_does(core, keep, way, drift, attempt, stop):
+    """``one_plane_does`` with a plane that is turned towards the nearest point of the core, a few times."""
     gap, at_rest = way
-    if core is None:
-        return plane_separates(core, nearest_on_chord(gap, at_rest), keep, gap, drift, attempt, stop)
     nearest = nearest_point(core[0], core[1], gap)
     for _ in range(ROUNDS):
         n = nearest_on_chord(subtract(gap, nearest), subtract(at_rest, nearest))
@@ -158,6 +152,20 @@ def one_plane_does(core, keep, way, drift, attempt, stop):
             return True
         nearest = nearest_point(core[0], core[1], add(nearest, n))
     return False
+
+
+@inline_kernel
+def one_plane_does(core, keep, way, drift, attempt, stop):
+    """Whether one plane keeps period and stop away from a core; ``way``: gaps where they begin and end.
+
+    It lies across the direction in which a straight flight to the end of the stop comes nearest to the centre.
+    """
+    gap, at_rest = way
+    n = facing(core, nearest_on_chord(gap, at_rest))
+    does = plane_separates(core, n, keep, gap, drift, attempt, stop)
+    if core is not None and not does:
+        return turned_plane_does(core, keep, way, drift, attempt, stop)
+    return does
 
 
 @inline_kernel
