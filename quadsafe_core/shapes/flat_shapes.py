@@ -159,7 +159,7 @@ class HalfSpace(Shape):
         found = finite_array("directions", directions, (3,))
         along = found @ np.array(self.normal)
         off = np.abs(found - along[..., None] * self.normal).max(axis=-1)
-        if (~(off <= ROUNDING * along)).any():
+        if ((along <= 0.0) | (off > ROUNDING * along)).any():
             raise ValueError(
                 f"directions must be along the normal {self.normal} of a half-space, got {directions}"
             )
