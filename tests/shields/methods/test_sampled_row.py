@@ -7,6 +7,7 @@ import pytest
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from shields import Shield
 from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, standing
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
@@ -268,7 +269,8 @@ def test_the_largest_correction_names_the_sphere_and_the_largest_input_is_the_re
 def test_chosen_half_spaces_enter_as_they_were_remembered():
     row = row_of((1.0, 0.0, 0.0, 2.0), (0.0, 1.0, 0.0, 9.0), (0.0, 0.0, 1.0, -1.0))
     spaces = no_half_spaces(3)
-    found = cut_as_chosen((0.0, 0.0, 0.0), np.array([1.0, 0.0, 1.0]), row, spaces)
+    spheres = spheres_at((NOTHING, 1.0), (NOTHING, 0.0), (NOTHING, 1.0))
+    found = cut_as_chosen((0.0, 0.0, 0.0), spheres, row, spaces)
     assert found == (True, 2.0) and row.fact["obstacle"] == 0.0
     # The second sphere is absent, the third asks for nothing.
     assert spaces.offsets[:3].tolist() == [2.0, -math.inf, -math.inf]
@@ -357,7 +359,7 @@ def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
     flat[:, 1] = 0.1, 0.2, 0.3
     center, radius = np.full((3, 2, 3), 2.0), np.ones((3, 2))
     shield = Shield()
-    shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
+    shield.filter(flat, Obstacles.spheres(center, radius), np.zeros((3, 3)), PERIOD)
 
     def parts():
         return sampled_memory(shield.snapshot()["memory"], 3, 2)[0].rows
