@@ -246,9 +246,8 @@ def test_a_piece_is_clear_by_the_plane_of_the_chord_or_by_that_of_its_middle():
         return tuple((-1.0 + 0.5 * i, y + (middle if i == 2 else 0.0), 0.0) for i in range(5))
 
     still, origin = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    assert piece_clears(None, line(1.0), origin, still, 1.0) and not piece_clears(
-        line(1.0), origin, still, 1.0 + 1e-9
-    )
+    assert piece_clears(None, line(1.0), origin, still, 1.0)
+    assert not piece_clears(None, line(1.0), origin, still, 1.0 + 1e-9)
     # the centre comes 0.5 nearer on the way: seen from it, from (−1, 1.5) to (1, 1)
     distance = 2.5 / math.sqrt(4.25)
     assert piece_clears(None, line(1.5), origin, (0.0, 0.5, 0.0), distance - 1e-9)

@@ -14,8 +14,9 @@ from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
 from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_input
+from shields.interface.bodies import as_one_row
 from shields.interface.filtered import FACTS
-from shields.interface.records import Bodies, Demand, FlightLimits, MovingBodies, ThrustBand
+from shields.interface.records import Demand, FlightLimits, MovingBodies, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, braking, opened
 from shields.methods.authority_limits import limit_demand
 from shields.methods.easing import POLE
@@ -293,7 +294,7 @@ def test_a_snap_is_shortened_along_the_way_to_the_least_one():
 @pytest.mark.interpreted
 def test_directions_values_and_where_the_vehicle_is():
     settings = settings_of()
-    spheres = Bodies(*(x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0))))
+    spheres = as_one_row(spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0)))
     chosen, fact = np.zeros(3, dtype=HALF_SPACE), open_fact()
     rows = (spheres, chosen, settings, fact)
     assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
