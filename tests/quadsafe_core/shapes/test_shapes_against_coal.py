@@ -51,7 +51,9 @@ def asked_of_coal(shape, points):
     for i, at in enumerate(points):
         result = coal.DistanceResult()
         # A ball of radius 0 is a point, and coal gives a penetration as a negative distance.
-        distances[i] = coal.distance(coal.Sphere(0.0), coal.Transform3s(np.eye(3), at), core, place, request, result)
+        distances[i] = coal.distance(
+            coal.Sphere(0.0), coal.Transform3s(np.eye(3), at), core, place, request, result
+        )
         nearest[i] = result.getNearestPoint2()
     return distances - shape.body().radius, nearest
 
