@@ -9,8 +9,8 @@ coal = pytest.importorskip("coal", reason="coal is in the development group of p
 
 SHAPES, POINTS = 150, 120
 FAR = 20.0
-# coal is exact to rounding where it has a formula or an exact face, and iterates to its tolerance on ellipsoids:
-# a distance is off by the square of what its point is off.
+# coal is exact to rounding where it has a formula or an exact face. On ellipsoids it iterates to its tolerance,
+# and a distance is off by the square of what its point is off.
 EXACT, ITERATED, ITERATED_POINT = 2e-13, 2e-6, 2e-3
 
 
