@@ -208,10 +208,10 @@ def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_
                 fly_row(block, lane, row, (spheres, around), (plant, rotors, d), weather[row])
         if body_memory is None:
             close_period(block, gaps, first, count, spheres, plant, rows)
+            if closes:
+                close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
         else:
             close_period_among(block, gaps, first, count, around, plant, rows)
-        if closes and body_memory is None:
-            close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
-        elif closes:
-            close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
+            if closes:
+                close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
         store_table(block, first, rows.table)
