@@ -25,12 +25,16 @@ class SceneBodies(NamedTuple):
     |----------|----------------|-------------------------------------------------------------|
     | velocity | (N, K, 3)      | m/s                                                         |
     | home     | (N, K, 3)      | centres at the beginning of an episode, m                   |
+    | bound    | (N, K)         | the distances were no less, m, where the row was seen last  |
+    | seen     | (N, 4)         | that place, m, and the body that was nearest                |
     | core     | (N, K) ``CORE``| the bodies about their centres, without what is kept        |
     | numbers  | (M,)           | of the hulls among them, m                                  |
     """
 
     velocity: NDArray[np.float64]
     home: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
 
@@ -42,19 +46,21 @@ class Bodies(NamedTuple):
     radius: NDArray[np.float64]
     velocity: NDArray[np.float64]
     home: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
 
 
 def body_memory(n: int, k: int, numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Memory of ``n`` worlds among ``k`` bodies, all absent, with these numbers of hulls."""
-    size = n * k * (6 * NUMBERS.itemsize + CORE.itemsize)
+    size = _before_cores(n, k) + n * k * CORE.itemsize
     return np.concatenate([np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
 
 
 def core_memory(memory: NDArray[np.uint8], n: int, k: int) -> NDArray[np.uint8]:
     """The part of the memory that ``Obstacles.cores`` is."""
-    return memory[6 * NUMBERS.itemsize * n * k :]
+    return memory[_before_cores(n, k) :]
 
 
 @register_jitable
@@ -62,8 +68,10 @@ def scene_bodies_of(memory: Any, n: int, k: int) -> SceneBodies:
     """What there is within the memory; borrowed."""
     velocity, rest = taken(memory, NUMBERS, (n, k, 3))
     home, rest = taken(rest, NUMBERS, (n, k, 3))
+    bound, rest = taken(rest, NUMBERS, (n, k))
+    seen, rest = taken(rest, NUMBERS, (n, 4))
     cores = cores_of(rest, n, k)
-    return SceneBodies(velocity, home, cores.core, cores.numbers)
+    return SceneBodies(velocity, home, bound, seen, cores.core, cores.numbers)
 
 
 @inline_kernel
@@ -73,7 +81,7 @@ def bodies_in(scene_memory, memory):
     k = scenes.sphere_count
     b = scene_bodies_of(memory, n, k)
     center, radius = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
-    return Bodies(center, radius, b.velocity, b.home, b.core, b.numbers)
+    return Bodies(center, radius, b.velocity, b.home, b.bound, b.seen, b.core, b.numbers)
 
 
 @inline_kernel
@@ -91,12 +99,18 @@ def from_center(bodies, row, k, r, time):
 
 
 @inline_kernel
-def gap_of(bodies, row, k, r, time):
-    """Signed distance of r from a body, less what is kept, m; inf without one."""
+def sight_of(bodies, row, k, r, time):
+    """Signed distance of r from a body, less what is kept, m, and the unit normal to r; inf without a body."""
     if not is_there(bodies, row, k):
-        return NO_OBSTACLE
-    d, _ = signed_distance(bodies.core[row, k], bodies.numbers, from_center(bodies, row, k, r, time))
-    return d - bodies.radius[row, k]
+        return NO_OBSTACLE, (0.0, 0.0, 0.0)
+    d, n = signed_distance(bodies.core[row, k], bodies.numbers, from_center(bodies, row, k, r, time))
+    return d - bodies.radius[row, k], n
+
+
+@inline_kernel
+def gap_of(bodies, row, k, r, time):
+    """Signed distance of r from a body, less what is kept, m; inf without a body."""
+    return sight_of(bodies, row, k, r, time)[0]
 
 
 @kernel
@@ -118,3 +132,7 @@ def crowded_among(rows, scene_memory, memory, free, out):
             least_gap(bodies, i, point(scenes.goal, i)),
         )
         out[i] = min(at_start, at_goal) < free
+
+
+def _before_cores(n: int, k: int) -> int:
+    return n * (7 * k + 4) * NUMBERS.itemsize
