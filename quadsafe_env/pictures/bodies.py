@@ -94,19 +94,19 @@ def triple(vector: NDArray[np.float64]) -> Vector:
     return (x, y, z)
 
 
-def outline(body: Body, view: View) -> tuple[Box | None, float]:
-    """The box of a body in a picture, None where it has none, and how far ahead it begins, m."""
+def outline(body: Body, view: View) -> tuple[Box | None, float, float]:
+    """The box of a body in a picture, None where it has none, and how far ahead it begins and ends, m."""
     reaches = body.reaches(view.axes, body.kept)
     middle = view.axes @ (body.center - view.eye)
     (left, top, near), (right, bottom, far) = middle - reaches[1], middle + reaches[0]
     if far <= NEAREST:
-        return None, far
+        return None, near, far
     if near <= NEAREST:
-        return (0, 0, view.size, view.size), near
+        return (0, 0, view.size, view.size), near, far
     edges = [
         pick(edge / near, edge / far) for edge, pick in ((left, min), (top, min), (right, max), (bottom, max))
     ]
-    return clipped(0.5 * view.size + view.focal * np.array(edges), view.size), near
+    return clipped(0.5 * view.size + view.focal * np.array(edges), view.size), near, far
 
 
 def clipped(edges: NDArray[np.float64], size: int) -> Box | None:

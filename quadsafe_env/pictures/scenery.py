@@ -34,7 +34,7 @@ from quadsafe_env.tasks.reward import GOAL_RADIUS
 SHADOWS = 256  # pixels of the side of the map of shadows
 # Of the distance to the middle: a body that begins before it hides what the picture is of.
 TOO_NEAR = 0.5
-# Of the picture, in both directions: a larger body before the middle hides it too.
+# Of the picture, in both directions: a larger body that ends before the middle hides it too.
 TOO_LARGE = 0.5
 # Of the distance from the eye: how exactly a ray meets a body.
 BLUR = 5e-5
@@ -138,10 +138,10 @@ def spacing_of(view: View) -> float:
 def paint_bodies(view: View, rays: Rays, bodies: Iterable[Body], canvas, depth) -> list[Shell]:
     """Solids onto a canvas, far ones first; their shells."""
     light, shells, middle = triple(LIGHT @ view.axes), [], float(view.depths(view.middle))
-    for body, box, near in _far_first(bodies, view):
+    for body, box, near, far in _far_first(bodies, view):
         blur, corner = BLUR * max(near, 1.0), box[:2]
         shell = body.layer(body.kept, blur, rays, box, None)
-        if body.solid >= 0.0 and leaves_sight(box, near, middle, view.size):
+        if body.solid >= 0.0 and leaves_sight(box, near, far, middle, view.size):
             solid = body.layer(body.solid, blur, rays, box, light)
             paint_solid(canvas, depth, *corner, solid, GOAL if body.index == GOAL_INDEX else OBSTACLE)
             # A solid is seen through its own shell.
@@ -150,21 +150,21 @@ def paint_bodies(view: View, rays: Rays, bodies: Iterable[Body], canvas, depth) 
     return shells
 
 
-def _far_first(bodies: Iterable[Body], view: View) -> list[tuple[Body, Box, float]]:
-    """The bodies in a picture with their boxes, and how far ahead they begin, m."""
+def _far_first(bodies: Iterable[Body], view: View) -> list[tuple[Body, Box, float, float]]:
+    """The bodies in a picture with their boxes, and how far ahead they begin and end, m."""
     seen = []
     for body in bodies:
-        box, near = outline(body, view)
+        box, near, far = outline(body, view)
         if box is not None:
-            seen.append((body, box, near))
+            seen.append((body, box, near, far))
     return sorted(seen, key=itemgetter(2), reverse=True)
 
 
-def leaves_sight(box, near: float, middle: float, size: int) -> bool:
+def leaves_sight(box: Box, near: float, far: float, middle: float, size: int) -> bool:
     """Whether a body leaves the scene to be seen: one that does not is drawn as glass."""
     left, top, right, bottom = box
     is_large = min(right - left, bottom - top) > TOO_LARGE * size
-    return near > TOO_NEAR * middle and not (is_large and near < middle)
+    return near > TOO_NEAR * middle and not (is_large and far < middle)
 
 
 def marked_walls(view: View, half_spaces: list[Body]) -> tuple[Walls | None, Walls | None]:
