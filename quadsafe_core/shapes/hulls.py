@@ -117,9 +117,14 @@ def _nearer_triangle(best, w, a, b, x):
     if dot(v, v) > dot(u, u):
         u, v = v, u
     y, square = subtract(x, w), dot(u, u)
+    if not square > 0.0:
+        return best
     part = dot(v, u) / square
     across = combined(v, -part, u)
-    s = dot(y, across) / dot(across, across)
+    width = dot(across, across)
+    if not width > 0.0:
+        return best
+    s = dot(y, across) / width
     t = dot(y, u) / square - s * part
     if not (s > 0.0 and t > 0.0 and s + t < 1.0):
         return best

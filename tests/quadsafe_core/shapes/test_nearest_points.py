@@ -1,4 +1,4 @@
-"""Supports, nearest points and distances by what defines them: all shapes, degenerate ones, far and tiny ones."""
+"""Supports, nearest points and distances by what defines them: all shapes, degenerate, far and tiny ones."""
 
 import math
 
@@ -42,7 +42,9 @@ def assert_support(shape, rng, exact=EXACT):
     height = heights(shape, directions)
     assert (reached.max(axis=0) <= height + exact * length).all()
     farthest = np.sum((shape.support(directions) - shape.body().center) * directions, axis=1)
-    np.testing.assert_allclose(farthest, height + shape.body().radius * length, rtol=0, atol=exact * length.max())
+    np.testing.assert_allclose(
+        farthest, height + shape.body().radius * length, rtol=0, atol=exact * length.max()
+    )
     assert (np.abs(farthest - height - shape.body().radius * length) <= exact * length).all()
 
 
@@ -51,9 +53,13 @@ def assert_distance(shape, points, rng, exact=EXACT):
     body = shape.body()
     d, n = distances_and_normals(shape, points)
     np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0, rtol=0, atol=EXACT)
-    np.testing.assert_allclose(shape.distance(points), d - body.radius, rtol=0, atol=EXACT * (1 + np.abs(d).max()))
+    np.testing.assert_allclose(
+        shape.distance(points), d - body.radius, rtol=0, atol=EXACT * (1 + np.abs(d).max())
+    )
     # The core touches the plane with normal n at distance d from the point: so it is not nearer, outside.
-    plane = np.sum((points - body.center) * n, axis=1) - (0.0 if shape.name == "half_space" else heights(shape, n))
+    plane = np.sum((points - body.center) * n, axis=1) - (
+        0.0 if shape.name == "half_space" else heights(shape, n)
+    )
     np.testing.assert_allclose(plane, d, rtol=0, atol=exact)
     # And it is not farther, as the nearest point is of the body.
     nearest = shape.nearest(points)
@@ -107,8 +113,7 @@ def test_inside_the_depth_is_the_way_to_the_nearest_face():
         inside = inside[distances_and_normals(shape, inside)[0] < -1e-3]
         d, n = distances_and_normals(shape, inside)
         assert len(inside) > 200
-        # A step along n of just the depth ends on the boundary, and a step along no other direction ends sooner.
-        cores, numbers, center, _ = shape._packed
+        # A step of just the depth along n ends on the boundary, and a shorter one along none does.
         ends, _ = distances_and_normals(shape, inside - d[:, None] * n)
         np.testing.assert_allclose(ends, 0.0, rtol=0, atol=1e-12)
         for way in unit(rng.normal(size=(60, 3))):
@@ -160,7 +165,9 @@ def test_a_shape_of_a_micrometre_or_a_thousand_kilometres_is_as_exact(kind, size
     for _ in range(20):
         shape, points = random_shape(rng, kind), rng.normal(size=(50, 3)) * 1.5
         big = scaled(shape, size)
-        np.testing.assert_allclose(big.distance(size * points) / size, shape.distance(points), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            big.distance(size * points) / size, shape.distance(points), rtol=0, atol=1e-13
+        )
         np.testing.assert_allclose(big.nearest(size * points) / size, shape.nearest(points), rtol=0, atol=1e-10)
 
 
@@ -191,7 +198,7 @@ def test_nearest_points_of_thin_ellipsoids_are_on_them_and_the_way_is_normal():
 def test_from_the_middle_of_an_ellipsoid_the_nearest_is_the_end_of_its_least_axis():
     shape = Ellipsoid((1, 2, 3), (0.5, 0.2, 0.7))
     assert shape.distance((1, 2, 3)) == pytest.approx(-0.2, abs=1e-15)
-    d, n = distances_and_normals(shape, np.array([[1.0, 2.0, 3.0]]))
+    _, n = distances_and_normals(shape, np.array([[1.0, 2.0, 3.0]]))
     np.testing.assert_allclose(np.abs(n), [[0, 1, 0]], atol=1e-15)
 
 
