@@ -1,15 +1,17 @@
 """The bodies of one world as pictures know them, and each of them seen along the rays of a picture."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.vec3 import subtract
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import ABSENT, CORE, HALF_SPACE, SPHERE, cores_of
 from quadsafe_env.pictures.camera import NEAREST, View
 from quadsafe_env.pictures.casting import Layer, cast, extents
-from quadsafe_env.pictures.rays import Rays, Vector
+from quadsafe_env.pictures.rays import Rays, Vector, ray
 
 # Left, top, right and bottom of pixels, the last two not within.
 Box = tuple[int, int, int, int]
@@ -111,13 +113,13 @@ def outline(body: Body, view: View) -> tuple[Box | None, float, float]:
 
 def clipped(edges: NDArray[np.float64], size: int) -> Box | None:
     """The box of pixels within left, top, right and bottom, and one more on each side; None for no pixel."""
-    left, top = np.clip(np.floor(edges[:2]) - 1, 0, size).astype(int).tolist()
-    right, bottom = np.clip(np.ceil(edges[2:]) + 1, 0, size).astype(int).tolist()
+    left, top, right, bottom = np.clip(edges, -1.0, size + 1.0).tolist()
+    left, top = max(math.floor(left) - 1, 0), max(math.floor(top) - 1, 0)
+    right, bottom = min(math.ceil(right) + 1, size), min(math.ceil(bottom) + 1, size)
     return (left, top, right, bottom) if left < right and top < bottom else None
 
 
 def _seen_from(center: NDArray[np.float64], rays: Rays, column: int, row: int) -> Rays:
     """Rays counted from another pixel on, and from a body's centre."""
-    x = rays.x - center + np.multiply(column, rays.x_column) + np.multiply(row, rays.x_row)
-    d = rays.d + np.multiply(column, rays.d_column) + np.multiply(row, rays.d_row)
-    return rays._replace(x=triple(x), d=triple(d))
+    x, d = ray(rays, column, row)
+    return rays._replace(x=subtract(x, triple(center)), d=d)

@@ -31,7 +31,7 @@ from quadsafe_env.pictures.rays import Rays
 from quadsafe_env.pictures.sprites import GOAL, LIGHT, OBSTACLE, sky
 from quadsafe_env.tasks.reward import GOAL_RADIUS
 
-SHADOWS = 256  # pixels of the side of the map of shadows
+SHADOWS = 160  # pixels of the side of the map of shadows
 # Of the distance to the middle: a body that begins before it hides what the picture is of.
 TOO_NEAR = 0.5
 # Of the picture, in both directions: a larger body that ends before the middle hides it too.

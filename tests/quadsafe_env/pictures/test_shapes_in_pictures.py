@@ -50,13 +50,13 @@ def is_reddish(image):
     return (red > 1.5 * green) & (red > 1.5 * blue) & (red > 50)
 
 
-def seen(shape, size, seed=0, rays=300):
+def seen(shape, size, seed=0, rays=200):
     """A near view, pixels in it, the directions of their rays and the least signed distance along each."""
     view = view_of(START, FINISH, START, Camera(distance=5.0), size)
     pixels = np.random.default_rng(seed).integers(0, size, (rays, 2))
     right, down = ((pixels.T + 0.5 - 0.5 * size) / view.focal)[..., None]
     directions = view.axes[2] + right * view.axes[0] + down * view.axes[1]
-    t = np.linspace(0.5, 1.5, 2001) * view.depths(view.middle)
+    t = np.linspace(0.7, 1.3, 151) * view.depths(view.middle)
     distances = shape.distance(view.eye + t[:, None, None] * directions)
     return view, pixels, directions, distances.min(axis=0)
 
@@ -65,7 +65,7 @@ def seen(shape, size, seed=0, rays=300):
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("keep_out", [0.0, KEEP_OUT])
 def test_silhouettes_and_depths_are_those_of_the_signed_distance(name, keep_out):
-    shape, size = BODIES[name], 64
+    shape, size = BODIES[name], 40
     view, pixels, directions, least = seen(shape, size)
     scenery = scenery_of(view, Obstacles.pack([shape], keep_out), START, START - 50.0)
     columns, rows = pixels.T
@@ -78,7 +78,7 @@ def test_silhouettes_and_depths_are_those_of_the_signed_distance(name, keep_out)
         # A pixel that the outline crosses may be in or out.
         pixel = 1.2 * float(view.depths(view.middle)) / view.focal
         is_within, is_beyond = least < radius - pixel, least > radius + pixel
-        assert is_within.sum() > 10 and is_beyond.sum() > 100
+        assert is_within.sum() > 5 and is_beyond.sum() > 50
         assert np.isfinite(depths[is_within]).all() and np.isinf(depths[is_beyond]).all()
         points = view.eye + depths[is_within, None] * directions[is_within]
         # Half a pixel deep where an edge is smoothed.
