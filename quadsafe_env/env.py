@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.maths.counter_rng import key_words
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.given_state import given_states
 from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
@@ -21,7 +22,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
-from quadsafe_env.tasks.obstacles import Spheres
+from quadsafe_env.simulation.surroundings import copied_row
 
 ROW = np.zeros(1, dtype=np.intp)
 
@@ -181,6 +182,6 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return self._world.scenes.goal[0].copy()
 
     @property
-    def obstacles(self) -> Spheres:
-        """Keep-out spheres: center (K, 3) and radius (K,), m, copies."""
-        return Spheres(self._world.scenes.center[0].copy(), self._world.scenes.radius[0].copy())
+    def obstacles(self) -> Obstacles:
+        """What there is as it stands now, a copy; iterating gives the shapes, without ``keep_out``."""
+        return copied_row(self._world.obstacles, 0)

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
 from quadsafe_core.maths.counter_rng import KEY_LIMIT, key_words
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.autoreset import MODES, mode_from, vector_info
 from quadsafe_env.given_state import given_states
 from quadsafe_env.plain_spec import PlainSpec
@@ -23,7 +24,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
-from quadsafe_env.tasks.obstacles import Spheres
+from quadsafe_env.simulation.surroundings import copied
 
 RENDER_MODES = ("rgb_array",)
 
@@ -202,6 +203,6 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         return self._world.scenes.goal.copy()
 
     @property
-    def obstacles(self) -> Spheres:
-        """Keep-out spheres: center (N, K, 3) and radius (N, K), m, copies."""
-        return Spheres(self._world.scenes.center.copy(), self._world.scenes.radius.copy())
+    def obstacles(self) -> Obstacles:
+        """What there is in every row as it stands now, a copy; iterating gives a list of shapes a row."""
+        return copied(self._world.obstacles)

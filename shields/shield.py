@@ -1,7 +1,7 @@
 """The shield: settings and memory around a method that turns desired snaps into safe ones."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.authority import Authority
 from quadsafe_core.checks import one_of
 from quadsafe_core.kernels.jit import compiling
+from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import (
     as_array,
-    check_no_acceleration,
+    as_obstacles,
     check_snapshot,
     checked_mask,
     checked_memory,
@@ -23,7 +24,7 @@ from shields.interface.arguments import (
     velocity_rows,
 )
 from shields.interface.filtered import NUMBERS, Filtered
-from shields.interface.row_checks import BAD_SHAPES, DONE
+from shields.interface.row_checks import DONE
 from shields.methods.cbf_shield import CbfMethod
 from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
@@ -37,15 +38,16 @@ METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
 class Shield:
     """Turns desired snaps into safe ones: one memory for one plant, or for N plants flown together.
 
-    Each plant is held at least a keep-out radius away from the centre of every sphere. Where no correction
-    is needed, the desired snap comes back bit for bit.
+    Each plant is held at least a keep-out distance away from every obstacle: sphere, capsule, cylinder, box,
+    hull, ellipsoid or half-space, at rest or at constant velocity. Where no correction is needed, the desired
+    snap comes back bit for bit.
 
-    Method "sampled" holds under a snap held for the period, at any rate, for any number of spheres, between
-    samples too. It projects the desired snap onto one half-space per sphere, and flies the result if a stop
-    after it is certified: a stored manoeuvre to rest that clears every sphere and keeps the specific thrust
+    Method "sampled" holds under a snap held for the period, at any rate, for any number of obstacles, between
+    samples too. It projects the desired snap onto one half-space per obstacle, and flies the result if a stop
+    after it is certified: a stored manoeuvre to rest that clears every obstacle and keeps the specific thrust
     ‖r̈ + g e3‖ at its floor. Otherwise it flies a part of the way to it, or the stored stop, which is also its
     answer to a desired snap that is not finite. From a state without any stop, recovery is best effort. Inside
-    a sphere the pilot is not asked: the vehicle leaves by the nearest exit, from rest at no more than 1 m/s.
+    an obstacle the pilot is not asked: the vehicle leaves by the nearest exit, from rest at no more than 1 m/s.
 
     Method "cbf" is the filter (33) of the paper for one sphere, a statement about continuous time: held over
     a period it can be violated. It answers a desired snap that is not finite by braking, filtered. It does not
@@ -58,7 +60,7 @@ class Shield:
     are those of the braking set, with ū, x̄_1 and x̄_2 from the authority along each direction.
 
     With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
-    is within its bound: a tube around each stored stop holds them all, and is kept out of the spheres and
+    is within its bound: a tube around each stored stop holds them all, and is kept out of the obstacles and
     within the limits (``shields.settings.uncertainty``). Then ``value`` is that of the radius with the tube.
 
     Every departure is reported in ``Filtered``.
@@ -70,7 +72,8 @@ class Shield:
         held_snap_max: longest snap that is flown, m/s⁴ ("sampled"); None for no limit.
         jerk_max: largest jerk of a certified flight, m/s³ ("sampled"); None for no limit.
         alpha: α, how fast a set value may decay, 1/s.
-        margin: how far outside the keep-out radius the set ends, as a fraction of that radius.
+        margin: how far outside the keep-out radius the set ends, as a fraction of that radius; of shapes other
+            than spheres, which may be thin, as a fraction of half a metre.
         thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled"); 1.
         thrust_max: largest specific thrust of a certified flight, m/s² ("sampled"); None for no limit.
         gravity: g, m/s² ("sampled"); 9.81.
@@ -145,26 +148,21 @@ class Shield:
     def filter(
         self,
         flat: ArrayLike,
-        center: ArrayLike,
-        radius: ArrayLike,
+        obstacles: Obstacles | Sequence[Any],
         snap: ArrayLike,
         period: float,
-        *,
-        velocity: ArrayLike | None = None,
-        acceleration: ArrayLike | None = None,
     ) -> Filtered:
         """The safe snaps of one control period.
 
-        The number of plants and of spheres is fixed at the first call, until ``reset()``.
+        The number of plants and of obstacles is fixed at the first call, until ``reset()``.
 
         Args:
             flat: (N, 4, 3) position m, velocity m/s, acceleration m/s², jerk m/s³, world frame.
-            center: (N, K, 3) sphere centres, m.
-            radius: (N, K) keep-out radii, m; 0 where there is no sphere.
+            obstacles: ``Obstacles`` of N worlds, keep-out included, such as
+                ``Obstacles.spheres(center, radius)``; for one plant also a list of shapes, mappings or rows
+                [x, y, z, radius].
             snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
             period: for how long the snap is held, s; at most 2, as stops are held for 0.1 to 1.46 s.
-            velocity: (N, K, 3) constant velocities of the spheres, m/s; at rest without.
-            acceleration: must be absent or 0: a certified stop cannot rest in the way of a sphere that turns.
 
         Returns:
             ``Filtered``.
@@ -172,33 +170,35 @@ class Shield:
         Raises:
             TypeError: for what is no number: strings and booleans are none.
             ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
-                period <= 0 or > 2, accelerating spheres, or spheres that the method does not take.
+                period <= 0 or > 2, or obstacles that the method does not take.
         """
-        if period == self._period and self._are_still and velocity is None and acceleration is None:
-            out = np.empty(self._numbers)
+        if period == self._period:
             try:
-                code = self._kernel(flat, center, radius, snap, *self._own, out)
+                if self._are_still and obstacles.velocity is None:
+                    out, cores = np.empty(self._numbers), obstacles.cores
+                    code = self._kernel(flat, obstacles.center, obstacles.radius, snap, cores, *self._own, out)
+                    if code == DONE:
+                        return Filtered(out, self._leading)
             except (TypeError, AttributeError):
                 # The careful way makes them arrays of float64 in C order, or says what is wrong.
-                code = BAD_SHAPES
-            if code == DONE:
-                return Filtered(out, self._leading)
-        if acceleration is not None:
-            check_no_acceleration(acceleration, np.shape(center))
-        return self._filter_checked(flat, center, radius, snap, period, velocity)
+                pass
+        return self._filter_checked(flat, as_obstacles(obstacles), snap, period)
 
-    def _filter_checked(self, flat, center, radius, snap, period, velocity) -> Filtered:
-        flats, centers, radii, snaps = map(as_array, (flat, center, radius, snap))
+    def _filter_checked(self, flat, obstacles: Obstacles, snap, period) -> Filtered:
+        given = flat, obstacles.center, obstacles.radius, snap
+        flats, centers, radii, snaps = map(as_array, given)
         is_single = flats.ndim == 2
         size = size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
         if size is None:
-            raise shape_error(flat, center, radius, snap)
+            raise shape_error(*given)
         self._begin(size, is_single, control_period(period))
+        velocity, cores = obstacles.velocity, obstacles.cores
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
-        self._method.move_spheres(0.0 if moving is None else moving)
-        self._are_still, out = moving is None, np.empty(self._numbers)
+        self._are_still = moving is None
+        self._method.move(0.0 if moving is None else moving)
+        out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
-            code = self._kernel(flats, centers, radii, snaps, *self._own, out)
+            code = self._kernel(flats, centers, radii, snaps, cores, *self._own, out)
         if code != DONE:
             raise measurement_error(code, flats, centers, radii, moving)
         return Filtered(out, self._leading)

@@ -1,7 +1,7 @@
 """Shields for Gymnasium environments with a filter slot.
 
 A plant with a slot has, on ``env.unwrapped``, the attributes ``snap_filter`` (the slot) and ``is_shielded``.
-It calls ``snap_filter.filter(flat, center, radius, snap, period)`` once per control period, batched, flies
+It calls ``snap_filter.filter(flat, obstacles, snap, period)`` once per control period, batched, flies
 the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew. Rows that it
 resets before the first call of a policy step begin an episode in that step in place of flying. Its pictures
 may ask ``snap_filter.done`` what the shield did.

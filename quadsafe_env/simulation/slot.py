@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import shaped_array
+from quadsafe_core.shapes import Obstacles
 
 FLOAT = np.dtype(np.float64)
 Floats = NDArray[np.float64]
@@ -27,13 +28,13 @@ class SafeSnaps(Protocol):
 class MinimalFilter(Protocol):
     """What may be put in the slot between the desired and the safe snap, called once per control period."""
 
-    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> SafeSnaps:
+    def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> SafeSnaps:
         """Safe snaps of one control period.
 
         Args:
             flat: (N, 4, 3) r, ṙ, r̈, r⃛, world frame, SI.
-            center: (N, K, 3) centres of the keep-out spheres, m.
-            radius: (N, K) their radii, m; 0 for an absent one.
+            obstacles: of N worlds, keep-out included: ``center`` (N, K, 3), m, ``radius`` (N, K), m, and their
+                ``cores`` where not all are spheres.
             snap: (N, 3) desired snaps, m/s⁴.
             period: for how long the answer is held, s.
         """
@@ -79,7 +80,7 @@ class PassThrough:
     done: Done = NOTHING_DONE
     backup: Backup | None = None
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         """Return the desired snap."""
         return Passed(snap)
 
@@ -95,9 +96,9 @@ class Completed:
         self._done: Any = given if hasattr(given, "done") else PassThrough
         self._backup: Any = given if hasattr(given, "backup") else PassThrough
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         """See ``MinimalFilter``."""
-        return self._given.filter(flat, center, radius, snap, period)
+        return self._given.filter(flat, obstacles, snap, period)
 
     def reset(self, mask):
         """See ``MinimalFilter``."""

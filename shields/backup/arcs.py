@@ -1,6 +1,6 @@
 """Polynomial arcs of a vehicle under a held snap, and whether they keep clear between samples too.
 
-An arc is cut into pieces. A piece is clear of a sphere when a plane separates the sphere from the control
+An arc is cut into pieces. A piece is clear of a body when a plane separates the body from the control
 points (Bernstein form) of the piece, whose convex hull contains it: nothing is missed between samples. The
 same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above; below its ceiling it
 is where the control points are.
@@ -8,7 +8,9 @@ is where the control points are.
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector
+from quadsafe_core.shapes.distance import nearest_point
 from shields.chains.flat_state import Flat, flown  # noqa: F401 - Flat was imported from here before
+from shields.interface.bodies import ROUNDS, core_stays_away, distance_from, facing, is_there, own_core, raised
 from shields.interface.records import ThrustBand  # noqa: F401 - it was imported from here before
 
 # An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
@@ -37,14 +39,15 @@ def acceleration_points(x, snap, d):
 
 
 @kernel
-def is_separated(n, length, points, center, drift, radius):
-    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖`` for all five control points; the centre moves by drift in all."""
+def is_separated(core, n, length, points, center, drift, radius):
+    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖ + h(n)`` for five control points; the centre moves by drift in all."""
     # Through the centre there is no direction, and what has overflowed is not clear either.
-    if not length >= radius:
+    if not (length >= radius if core is None else length > 0.0):
         return False
+    least = raised(core, n, radius * length)
     for i in range(5):
         gap = subtract(points[i], combined(center, i / 4, drift))
-        if not dot(n, gap) >= radius * length:
+        if not dot(n, gap) >= least:
             return False
     return True
 
@@ -59,13 +62,31 @@ def nearest_on_chord(start, end):
 
 
 @kernel
-def piece_clears(points, center, drift, radius):
+def piece_clears_core(core, points, center, drift, radius):
+    """``piece_clears`` of a core of more than a point: the plane is turned towards its nearest point."""
+    start, end = subtract(points[0], center), subtract(points[4], add(center, drift))
+    nearest = nearest_point(core.record, core.numbers, start)
+    for _ in range(ROUNDS):
+        way = nearest_on_chord(subtract(start, nearest), subtract(end, nearest))
+        n = facing(core, way)
+        if is_separated(core, n, norm(n), points, center, drift, radius):
+            return True
+        nearest = nearest_point(core.record, core.numbers, add(nearest, way))
+    middle = subtract(points[2], combined(center, 0.5, drift))
+    n = facing(core, subtract(middle, nearest_point(core.record, core.numbers, middle)))
+    return is_separated(core, n, norm(n), points, center, drift, radius)
+
+
+@kernel
+def piece_clears(core, points, center, drift, radius):
     """Whether a plane separates: across the way to the nearest point of the chord, or to the middle."""
+    if core is not None:
+        return piece_clears_core(core, points, center, drift, radius)
     n = nearest_on_chord(subtract(points[0], center), subtract(points[4], add(center, drift)))
-    if is_separated(n, norm(n), points, center, drift, radius):
+    if is_separated(core, n, norm(n), points, center, drift, radius):
         return True
     middle = subtract(points[2], combined(center, 0.5, drift))
-    return is_separated(middle, norm(middle), points, center, drift, radius)
+    return is_separated(core, middle, norm(middle), points, center, drift, radius)
 
 
 @inline_kernel
@@ -91,8 +112,8 @@ def thrust_leaves(acceleration, band):
 
 
 @kernel
-def look_at_pieces(x, snap, start, d, pieces, spheres, band):
-    """Whether the pieces of length d of the arc keep clear of the spheres and to the band.
+def look_at_pieces(x, snap, start, d, pieces, bodies, band):
+    """Whether the pieces of length d of the arc keep clear of the bodies and to the band.
 
     ``CLEAR``; ``HIT`` if the end of a piece, a point of the arc itself, does not; else ``UNSURE``.
     """
@@ -102,45 +123,52 @@ def look_at_pieces(x, snap, start, d, pieces, spheres, band):
         if not piece_keeps_thrust(accelerations, band):
             return HIT if thrust_leaves(accelerations[2], band) else UNSURE
         points = position_points(y, snap, d)
-        for k in range(spheres.keep_out.shape[0]):
-            if spheres.keep_out[k] > 0.0:
-                velocity = vector(spheres.velocity[k])
-                drift, center = (
-                    scale(d, velocity),
-                    combined(vector(spheres.center[k]), start + piece * d, velocity),
-                )
-                if not piece_clears(points, center, drift, spheres.keep_out[k]):
-                    gap = norm(subtract(points[4], add(center, drift)))
-                    return HIT if gap < spheres.keep_out[k] else UNSURE
+        for k in range(bodies.keep_out.shape[0]):
+            core, keep_out = own_core(bodies.cores, k), bodies.keep_out[k]
+            if is_there(core, keep_out):
+                velocity = vector(bodies.velocity[k])
+                center = combined(vector(bodies.center[k]), start + piece * d, velocity)
+                drift = scale(d, velocity)
+                if not piece_clears(core, points, center, drift, keep_out):
+                    gap = distance_from(core, subtract(points[4], add(center, drift)))
+                    return HIT if gap < keep_out else UNSURE
     return CLEAR
 
 
 @kernel
-def look_at_arc(x, snap, start, duration, spheres, band):
+def look_at_arc(x, snap, start, duration, bodies, band):
     """The same for the snap held from ``start`` for ``duration``: whole, or in ever shorter pieces."""
-    pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, spheres, band)
+    pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, bodies, band)
     while found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
         pieces *= 2
-        found = look_at_pieces(x, snap, start, duration / pieces, pieces, spheres, band)
+        found = look_at_pieces(x, snap, start, duration / pieces, pieces, bodies, band)
     return found
 
 
 @kernel
-def arc_is_clear(x, snap, start, duration, spheres, band):
+def arc_is_clear(x, snap, start, duration, bodies, band):
     """Whether the snap held from ``start`` for ``duration`` is sure to keep clear, and to the band."""
-    return look_at_arc(x, snap, start, duration, spheres, band) == CLEAR
+    return look_at_arc(x, snap, start, duration, bodies, band) == CLEAR
+
+
+@inline_kernel
+def stays_away(core, gap, closing, keep_out):
+    """Whether a point that moves on from ``gap`` along ``closing`` keeps that distance for ever."""
+    if core is not None:
+        return core_stays_away(core, gap, closing, keep_out)
+    speed = dot(closing, closing)
+    if speed > 0.0:
+        gap = combined(gap, max(0.0, -dot(gap, closing) / speed), closing)
+    return norm(gap) >= keep_out
 
 
 @kernel
-def rest_is_clear(x, start, spheres):
+def rest_is_clear(x, start, bodies):
     """Whether a vehicle that moves on at its velocity from time ``start`` keeps clear for ever."""
-    for k in range(spheres.keep_out.shape[0]):
-        drift = vector(spheres.velocity[k])
-        gap = subtract(x.r, combined(vector(spheres.center[k]), start, drift))
-        closing = subtract(x.v, drift)
-        speed = dot(closing, closing)
-        if speed > 0.0:
-            gap = combined(gap, max(0.0, -dot(gap, closing) / speed), closing)
-        if spheres.keep_out[k] > 0.0 and not norm(gap) >= spheres.keep_out[k]:
-            return False
+    for k in range(bodies.keep_out.shape[0]):
+        core, drift = own_core(bodies.cores, k), vector(bodies.velocity[k])
+        if is_there(core, bodies.keep_out[k]):
+            gap = subtract(x.r, combined(vector(bodies.center[k]), start, drift))
+            if not stays_away(core, gap, subtract(x.v, drift), bodies.keep_out[k]):
+                return False
     return True

@@ -1,21 +1,20 @@
-"""The joint certificate: a stored stop that clears every sphere and keeps the specific thrust.
+"""The joint certificate: a stored stop that clears every body and keeps the specific thrust.
 
-Each sphere alone has an invariant set, but the intersection of such sets is not invariant: K spheres can
+Each body alone has an invariant set, but the intersection of such sets is not invariant: K bodies can
 demand opposite things. So a snap is accepted only together with a proof that the vehicle can still stop:
 
     s_0, s_1, s_2 held for h each, dead-beat on (v, a, j):  s = −(v − w)/h³ − 2a/h² − 11j/(6h)
 
 brings the vehicle to rest, exactly, in the frame that moves with w. Every arc of it is checked
-(``shields.backup.arcs``): the spheres, the thrust band, the jerk at its ends, between which it is linear. After
-the last one a ray test keeps the spheres that move at constant velocity away from the resting vehicle for ever.
+(``shields.backup.arcs``): the bodies, the thrust band, the jerk at its ends, between which it is linear. After
+the last one a ray test keeps the bodies that move at constant velocity away from the resting vehicle for ever.
 The stop ends in exact rest and is held there by feedback. Before a stored stop is flown, what is left of it is
-checked again, against the spheres and the vehicle as they are by then.
+checked again, against the bodies and the vehicle as they are by then.
 """
 
 import math
 from typing import NamedTuple
 
-from quadsafe_core.kernels.borrow import one_row
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
 from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
@@ -33,10 +32,10 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
+from shields.interface.bodies import as_one_row, is_there, own_core
 from shields.interface.records import (
     FlightLimits,  # noqa: F401 - it was imported from here before
-    MovingSpheres,
-    Obstacles,
+    MovingBodies,
     ThrustBand,
 )
 
@@ -47,57 +46,57 @@ ACCEPTED, BLENDED, STOPPED, ASTRAY, UNCERTIFIED = range(5)
 
 
 class Distances(NamedTuple):
-    """The spheres of one world at three distances: for a new stop, for the stored one, and bare."""
+    """The bodies of one world at three distances: for a new stop, for the stored one, and bare."""
 
-    ahead: MovingSpheres
-    stored: MovingSpheres
-    bare: MovingSpheres
+    ahead: MovingBodies
+    stored: MovingBodies
+    bare: MovingBodies
 
 
 @kernel
-def stop_is_clear(x, start, frame, h, spheres, limits):
+def stop_is_clear(x, start, frame, h, bodies, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
     for segment in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
         if not norm(snap) <= limits.stop_snap_max:
             return False
-        if not arc_is_clear(x, snap, start + segment * h, h, spheres, limits.band):
+        if not arc_is_clear(x, snap, start + segment * h, h, bodies, limits.band):
             return False
         x = flown(x, snap, h)
         if not norm(x.j) <= limits.jerk_max:
             return False
-    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, spheres)
+    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, bodies)
 
 
 @kernel
-def clear_length(x, start, frame, first, period, spheres, limits):
+def clear_length(x, start, frame, first, period, bodies, limits):
     """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
-    if stop_is_clear(x, start, frame, periods_of(first, period) * period, spheres, limits):
+    if stop_is_clear(x, start, frame, periods_of(first, period) * period, bodies, limits):
         return first
     for choice in range(len(LENGTHS)):
         h = periods_of(choice, period) * period
-        if choice != first and stop_is_clear(x, start, frame, h, spheres, limits):
+        if choice != first and stop_is_clear(x, start, frame, h, bodies, limits):
             return choice
     return -1
 
 
 @kernel
-def look_at_stored_stop(plan, period, spheres):
-    """Whether the stored stop, from the start of its segment, keeps clear of the spheres of now."""
+def look_at_stored_stop(plan, period, bodies):
+    """Whether the stored stop, from the start of its segment, keeps clear of the bodies of now."""
     x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
     start, h = -elapsed(plan, period), plan["periods"] * period
     for _ in range(plan["segments_left"]):
         snap = dead_beat_snap(x, frame, h)
-        found = max(found, look_at_arc(x, snap, start, h, spheres, ANY_THRUST))
+        found = max(found, look_at_arc(x, snap, start, h, bodies, ANY_THRUST))
         x, start = flown(x, snap, h), start + h
-    return found if rest_is_clear(Flat(x.r, frame, x.a, x.j), start, spheres) else HIT
+    return found if rest_is_clear(Flat(x.r, frame, x.a, x.j), start, bodies) else HIT
 
 
 @kernel
 def standing(plan, x, period, distances, limits, gains):
     """What the stored stop is worth: STOPPED, ASTRAY if it may not be clear by enough, else UNCERTIFIED.
 
-    It is given up only where a point of it lies in a sphere, or where feedback cannot bring the vehicle back.
+    It is given up only where a point of it lies in a body, or where feedback cannot bring the vehicle back.
     """
     if not plan["is_stored"]:
         return UNCERTIFIED
@@ -109,15 +108,15 @@ def standing(plan, x, period, distances, limits, gains):
 
 
 @kernel
-def adopt_stop(plan, x, start, period, spheres, limits):
+def adopt_stop(plan, x, start, period, bodies, limits):
     """Store a stop that begins at x and keeps every limit; False, and nothing stored, if none is found.
 
-    It ends at rest in the world, or else in the frame of one of the moving spheres.
+    It ends at rest in the world, or else in the frame of one of the moving bodies.
     """
-    for k in range(-1, spheres.keep_out.shape[0]):
-        frame = NOTHING if k < 0 else vector(spheres.velocity[k])
-        if k < 0 or (spheres.keep_out[k] > 0.0 and frame != NOTHING):
-            choice = clear_length(x, start, frame, plan["choice"], period, spheres, limits)
+    for k in range(-1, bodies.keep_out.shape[0]):
+        frame = NOTHING if k < 0 else vector(bodies.velocity[k])
+        if k < 0 or (frame != NOTHING and is_there(own_core(bodies.cores, k), bodies.keep_out[k])):
+            choice = clear_length(x, start, frame, plan["choice"], period, bodies, limits)
             if choice >= 0:
                 write_stop(plan, x, frame, choice, period)
                 return True
@@ -125,51 +124,45 @@ def adopt_stop(plan, x, start, period, spheres, limits):
 
 
 @inline_kernel
-def accept_at_once(i, plan, x, snap, spheres, share, flight):
+def accept_at_once(i, plan, x, snap, bodies, share, flight):
     """``accept`` of row i by the quick test, with the segment length of the stored stop."""
     limits, period = flight.limits, flight.period
     # The jerk of a period is largest at one of its ends.
     if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
         return False
     attempt, choice = Attempt(x, snap, flown(x, snap, period), period), plan["choice"]
-    if not is_clear_at_once(i, attempt, periods_of(choice, period) * period, spheres, share, limits):
+    if not is_clear_at_once(i, attempt, periods_of(choice, period) * period, bodies, share, limits):
         return False
     write_stop(plan, attempt.after, NOTHING, choice, period)
     return True
 
 
-@inline_kernel
-def as_one_row(spheres):
-    """The spheres of one vehicle as those of a batch of one."""
-    return Obstacles(one_row(spheres.center), one_row(spheres.velocity), one_row(spheres.keep_out))
-
-
 @kernel
-def length_clear_at_once(first, attempt, spheres, limits):
+def length_clear_at_once(first, attempt, bodies, limits):
     """``clear_length`` by the quick test, for the period and the stop after it; −1 if it tells of none."""
-    rows, period = as_one_row(spheres), attempt.period
-    if is_clear_at_once(0, attempt, periods_of(first, period) * period, rows, 1.0, limits):
+    rows, period = as_one_row(bodies), attempt.period
+    if is_clear_at_once(0, attempt, periods_of(first, period) * period, rows, 0.0, limits):
         return first
     for choice in range(len(LENGTHS)):
         h = periods_of(choice, period) * period
-        if choice != first and is_clear_at_once(0, attempt, h, rows, 1.0, limits):
+        if choice != first and is_clear_at_once(0, attempt, h, rows, 0.0, limits):
             return choice
     return -1
 
 
 @kernel
-def accept(plan, x, snap, period, spheres, limits):
+def accept(plan, x, snap, period, bodies, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
     if not norm(snap) <= limits.snap_max:
         return False
     after = flown(x, snap, period)
-    choice = length_clear_at_once(plan["choice"], Attempt(x, snap, after, period), spheres, limits)
+    choice = length_clear_at_once(plan["choice"], Attempt(x, snap, after, period), bodies, limits)
     if choice >= 0:
         write_stop(plan, after, NOTHING, choice, period)
         return True
-    if not arc_is_clear(x, snap, 0.0, period, spheres, limits.band):
+    if not arc_is_clear(x, snap, 0.0, period, bodies, limits.band):
         return False
-    return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, spheres, limits)
+    return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, bodies, limits)
 
 
 @kernel

@@ -14,9 +14,11 @@ import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
+from quadsafe_core.shapes.distance import nearest_point
 from shields.backup.arcs import nearest_on_chord
 from shields.backup.stored_stop import SEGMENTS
 from shields.chains.flat_state import Flat
+from shields.interface.bodies import ROUNDS, core_at, core_stays_away, facing, is_there, raised, widened
 
 
 class Stop(NamedTuple):
@@ -111,8 +113,8 @@ def scaled(x, h):
 
 
 @inline_kernel
-def plane_separates(n, keep, gap, velocity, attempt, stop):
-    """Whether the plane across n keeps the period and the stop after it away from a centre that moves."""
+def plane_separates(core, n, keep, gap, velocity, attempt, stop):
+    """Whether the plane across n keeps the period and the stop after it away from a core that moves."""
     x, d = attempt.x, attempt.period
     length, drift = norm(n), dot(n, velocity)
     least = least_over_period(
@@ -125,35 +127,53 @@ def plane_separates(n, keep, gap, velocity, attempt, stop):
     start = dot(n, gap) + dot(n, subtract(attempt.after.r, x.r)) - d * drift
     later = least_over_stop(start, -stop.h * drift, dot(n, stop.V), dot(n, stop.A), dot(n, stop.J))
     # Through the centre there is no direction, and what has overflowed is not clear either.
-    return length > 0.0 and min(least, later) >= keep * length
+    return length > 0.0 and min(least, later) >= raised(core, n, keep * length)
 
 
 @inline_kernel
-def moves_away(gap, velocity, keep):
-    """Whether a sphere that moves on from a resting vehicle never comes nearer than that."""
+def moves_away(core, gap, velocity, keep):
+    """Whether a body that moves on from a resting vehicle never comes nearer than that."""
+    if core is not None:
+        return core_stays_away(core, gap, scale(-1.0, velocity), keep)
     speed = dot(velocity, velocity)
     ahead = max(0.0, dot(gap, velocity) / speed) if speed > 0.0 else 0.0
     return norm(combined(gap, -ahead, velocity)) >= keep
 
 
 @inline_kernel
-def spheres_are_clear(i, attempt, stop, spheres, share):
-    """Whether one plane for each sphere of row i keeps period and stop away from it, by a share of its radius.
+def one_plane_does(core, keep, way, drift, attempt, stop):
+    """Whether one plane keeps period and stop away from a core; ``way``: gaps where they begin and end.
 
-    The plane lies across the direction in which a straight flight to the end of the stop comes nearest.
+    It lies across the direction in which a straight flight to the end of the stop comes nearest, for a core of
+    more than a point turned towards its nearest point a few times.
     """
-    center, velocity, radius = spheres
+    gap, at_rest = way
+    if core is None:
+        return plane_separates(core, nearest_on_chord(gap, at_rest), keep, gap, drift, attempt, stop)
+    nearest = nearest_point(core.record, core.numbers, gap)
+    for _ in range(ROUNDS):
+        n = nearest_on_chord(subtract(gap, nearest), subtract(at_rest, nearest))
+        if plane_separates(core, facing(core, n), keep, gap, drift, attempt, stop):
+            return True
+        nearest = nearest_point(core.record, core.numbers, add(nearest, n))
+    return False
+
+
+@inline_kernel
+def bodies_are_clear(i, attempt, stop, bodies, share):
+    """Whether one plane for each body of row i keeps period and stop away, with a share of the margin."""
+    radius = bodies.radius
     end = add(attempt.after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
     duration = attempt.period + SEGMENTS * stop.h
     for k in range(radius.shape[1]):
-        if radius[i, k] > 0.0:
-            c, drift, keep = triple(center, i, k), triple(velocity, i, k), share * radius[i, k]
-            gap = subtract(attempt.x.r, c)
+        core = core_at(bodies.cores, i, k)
+        if is_there(core, radius[i, k]):
+            c, drift = triple(bodies.center, i, k), triple(bodies.velocity, i, k)
+            keep, gap = widened(core, radius[i, k], share), subtract(attempt.x.r, c)
             at_rest = combined(subtract(end, c), -duration, drift)
-            n = nearest_on_chord(gap, at_rest)
-            if not plane_separates(n, keep, gap, drift, attempt, stop):
+            if not one_plane_does(core, keep, (gap, at_rest), drift, attempt, stop):
                 return False
-            if drift != (0.0, 0.0, 0.0) and not moves_away(at_rest, drift, keep):
+            if drift != (0.0, 0.0, 0.0) and not moves_away(core, at_rest, drift, keep):
                 return False
     return True
 
@@ -192,20 +212,20 @@ def keeps_thrust(attempt, stop, band):
 
 
 @kernel
-def is_clear_at_once(i, attempt, h, spheres, share, limits):
+def is_clear_at_once(i, attempt, h, bodies, share, limits):
     """Whether the period and the stop after it, with segments of length h, keep every limit: quick, sufficient.
 
     Args:
         i: the row.
         attempt: the ``Attempt``; its snap is no longer than its limit.
         h: segment length, s.
-        spheres: the ``Obstacles`` of now.
-        share: distance to keep, in radii.
+        bodies: the ``Bodies`` of now.
+        share: of the margin, that is kept too.
         limits: ``FlightLimits``.
     """
     stop = scaled(attempt.after, h)
     return (
         keeps_snap_and_jerk(attempt.after, stop, limits)
         and keeps_thrust(attempt, stop, limits.band)
-        and spheres_are_clear(i, attempt, stop, spheres, share)
+        and bodies_are_clear(i, attempt, stop, bodies, share)
     )

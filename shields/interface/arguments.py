@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
-from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, TOO_FAR, TOO_LARGE
+from quadsafe_core.shapes import Obstacles
+from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, NO_SPHERES, TOO_FAR, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
@@ -27,6 +28,15 @@ def as_array(value: ArrayLike) -> NDArray[np.float64]:
         return np.empty(0)
     # A read-only array is another type to a kernel.
     return array if array.flags.writeable else array.copy()
+
+
+def as_obstacles(value: Any) -> Obstacles:
+    """``value`` as ``Obstacles``: as it is, or of one plant a list of shapes, mappings or rows.
+
+    Raises:
+        TypeError, ValueError: for anything else.
+    """
+    return value if isinstance(value, Obstacles) else Obstacles.pack(value)
 
 
 def size_of(flat, center, radius, snap) -> tuple[int, int] | None:
@@ -57,6 +67,10 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
         return ValueError(f"radius must be >= 0, got {radius.min()}")
     if code == MOVING:
         return ValueError("velocity must be 0 with method 'cbf', got a moving sphere; that needs 'sampled'")
+    if code == NO_SPHERES:
+        return ValueError(
+            "obstacles must be spheres with method 'cbf', got other shapes; these need method 'sampled'"
+        )
     if code == CROWDED:
         most = np.count_nonzero(radius, axis=-1).max()
         return ValueError(
@@ -97,15 +111,6 @@ def control_period(value: float) -> float:
     if period > LONGEST_PERIOD:
         raise ValueError(f"period must be in seconds and at most {LONGEST_PERIOD:g}, got {value!r}")
     return period
-
-
-def check_no_acceleration(acceleration: ArrayLike, shape: tuple[int, ...]) -> None:
-    """Raise unless spheres of this shape of centres are said not to accelerate."""
-    found = finite_array("acceleration", acceleration)
-    if found.shape not in ((), shape):
-        raise ValueError(f"acceleration must have the shape of center, got {found.shape}")
-    if found.any():
-        raise ValueError(f"acceleration must be 0, spheres move at constant velocity, got {acceleration}")
 
 
 def checked_mask(mask: ArrayLike, shape: tuple[int, ...] | None) -> NDArray[np.bool_]:

@@ -5,12 +5,15 @@ Arrays in tuples are for kernels alone: from Python they would take microseconds
 
 | parameter       | what it is                                                                               |
 |-----------------|------------------------------------------------------------------------------------------|
-| i, k            | a row, a vehicle; a sphere of it; in batches n and k are N and K                         |
-| x               | ``Flat``, world frame, SI; relative to a sphere where that is said                       |
+| i, k            | a row, a vehicle; a body of it; in batches n and k are N and K                           |
+| x               | ``Flat``, world frame, SI; relative to the centre of a body where that is said           |
 | snap, wanted, u | 3 numbers, m/s⁴: any; the desired one; what would be flown                               |
 | n               | a direction, 3 numbers, of length 1 in half-spaces                                       |
-| spheres         | ``Obstacles`` beside a row i, else the ``MovingSpheres`` of one world                    |
-| distance, keep  | to keep from a centre, m; ``share``: the same in radii                                   |
+| bodies          | ``Bodies`` beside a row i, else the ``MovingBodies`` of one world                        |
+| core            | of one body, ``Core``, or None among spheres alone, ``shields.interface.bodies``         |
+| gap             | from the centre of a body, 3 numbers, m                                                  |
+| distance, keep  | to keep from a core, m; ``share``: of the margin, that is kept too                       |
+| kept            | ``Kept``, of one body                                                                    |
 | plan            | a stored stop, ``shields.backup.stored_stop.PLAN``                                       |
 | frame           | w, with which a stop ends, m/s                                                           |
 | start, h        | when something begins, from now on, s; length of a segment of a stop, s                  |
@@ -26,6 +29,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.shapes.cores import Cores
+
 
 class ThrustBand(NamedTuple):
     """Least and greatest specific thrust ‖r̈ + g e3‖ and gravity, m/s²."""
@@ -35,16 +40,22 @@ class ThrustBand(NamedTuple):
     gravity: float
 
 
-class MovingSpheres(NamedTuple):
-    """Spheres of one world: centres (K, 3), m, velocities, m/s, distances to keep (K,), m, 0 for none."""
+class MovingBodies(NamedTuple):
+    """Bodies of one world: centres (K, 3), m, velocities, m/s, distances to keep (K,), m, and their cores (K).
+
+    Without cores all are spheres, of which one with distance 0 is absent.
+    """
 
     center: np.ndarray
     velocity: np.ndarray
     keep_out: np.ndarray
+    cores: Cores | None = None
 
 
-class Obstacles(NamedTuple):
-    """The spheres of N worlds: centres (N, K, 3), m, velocities (N, K, 3), m/s, radii (N, K), m, 0 for none.
+class Bodies(NamedTuple):
+    """The bodies of N worlds: centres (N, K, 3), m, velocities, m/s, radii (N, K), m, and their cores (N, K).
+
+    Without cores all are spheres, of which one with radius 0 is absent.
 
     Whole arrays, as every view of a row is counted by its owner, which takes longer than a quick test.
     """
@@ -52,13 +63,14 @@ class Obstacles(NamedTuple):
     center: np.ndarray
     velocity: np.ndarray
     radius: np.ndarray
+    cores: Cores | None = None
 
 
 class Measured(NamedTuple):
-    """What a shield is given: flat states (N, 4, 3), SI, the spheres, the desired snaps (N, 3), m/s⁴."""
+    """What a shield is given: flat states (N, 4, 3), SI, the bodies, the desired snaps (N, 3), m/s⁴."""
 
     flat: np.ndarray
-    spheres: Obstacles
+    bodies: Bodies
     snap: np.ndarray
 
 

@@ -17,7 +17,7 @@ from shields.interface.records import Answers
 # Pole of the braking feedback on (v, a, j), 1/s.
 BRAKING_POLE = 3.0
 # What a method says of the rows that it was given.
-DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED = range(6)
+DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED, NO_SPHERES = range(7)
 # Measurements from here on are too large: the square of a length has to fit into float64.
 TOO_FAR = 1e100
 # Set values within rounding of 0 count as 0.
@@ -42,8 +42,8 @@ def is_finite(x):
 
 @kernel
 def checked_rows(measured, n, k):
-    """``DONE`` if N plants and their K spheres have their shapes and usable numbers, or what is wrong."""
-    center, velocity, radius = measured.spheres
+    """``DONE`` if N plants and their K bodies have their shapes and usable numbers, or what is wrong."""
+    center, velocity, radius = measured.bodies.center, measured.bodies.velocity, measured.bodies.radius
     if not (
         measured.flat.shape == (n, 4, 3)
         and center.shape == (n, k, 3)
@@ -61,7 +61,8 @@ def checked_rows(measured, n, k):
 @inline_kernel
 def is_usable(i, measured, largest):
     """Whether every measurement of row i is smaller than the largest, and no radius negative."""
-    flat, (center, velocity, radius) = measured.flat, measured.spheres
+    flat, bodies = measured.flat, measured.bodies
+    center, velocity, radius = bodies.center, bodies.velocity, bodies.radius
     for order in range(4):
         if not is_below(triple(flat, i, order), largest):
             return False

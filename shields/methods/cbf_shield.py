@@ -33,7 +33,7 @@ from shields.chains.integrator import required_input
 from shields.chains.lower_bound import lower1, lower2, lower3, lower4
 from shields.chains.radial import radial_motion, shifted_snap
 from shields.interface.filtered import NUMBERS
-from shields.interface.records import Measured, Obstacles
+from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import (
     BAD_SHAPES,
     BRAKING_POLE,
@@ -41,6 +41,7 @@ from shields.interface.row_checks import (
     DONE,
     FLOATS,
     MOVING,
+    NO_SPHERES,
     TOO_LARGE,
     answer,
     answers_in,
@@ -139,7 +140,8 @@ def cbf_memory(memory, n, k):
 @kernel
 def cbf_row(i, measured, settings, answers):
     """Filter row i of what was measured; ``DONE``, or what is wrong with it. ``settings``: ``CBF_SETTINGS``."""
-    x, (center, velocity, radius), fact = flat_of_row(i, measured.flat), measured.spheres, answers.facts[i]
+    x, fact = flat_of_row(i, measured.flat), answers.facts[i]
+    center, velocity, radius = measured.bodies.center, measured.bodies.velocity, measured.bodies.radius
     gains, low = settings["braking"], settings["closing"]
     wanted = wanted_snap(x, vector(measured.snap[i]), (gains[0], gains[1], gains[2]), fact)
     u, k = wanted, present_obstacle(i, radius)
@@ -158,14 +160,16 @@ def cbf_row(i, measured, settings, answers):
 
 
 @kernel
-def cbf_batch(flat, center, radius, snap, memory, out):
+def cbf_batch(flat, center, radius, snap, cores, memory, out):
     """Rows of ``cbf_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
+    if cores is not None:
+        return NO_SPHERES
     n, k = flat.shape[0], radius.shape[1]
     first, _ = taken(memory, SETTINGS_ROW, (1,))
     if not (first[0]["rows"] == n and first[0]["obstacles"] == k and out.shape[0] == NUMBERS * n):
         return BAD_SHAPES
     settings, velocities = cbf_memory(memory, n, k)
-    measured, answers = Measured(flat, Obstacles(center, velocities, radius), snap), answers_in(out, n)
+    measured, answers = Measured(flat, Bodies(center, velocities, radius, None), snap), answers_in(out, n)
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
@@ -174,9 +178,9 @@ def cbf_batch(flat, center, radius, snap, memory, out):
 
 
 @kernel
-def cbf_one(flat, center, radius, snap, memory, out):
+def cbf_one(flat, center, radius, snap, cores, memory, out):
     """``cbf_batch`` of one vehicle without the leading axis."""
-    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, out)
+    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), cores, memory, out)
 
 
 @kernel
@@ -236,8 +240,8 @@ class CbfMethod:
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Nothing to forget."""
 
-    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
-        """Spheres move at velocities (N, K, 3), m/s, or all at 0; those that do are refused."""
+    def move(self, velocity: NDArray[np.float64] | float) -> None:
+        """Obstacles move at velocities (N, K, 3), m/s, or all at 0; those that do are refused."""
         cbf_memory(self.memory, *self._size)[1][:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:

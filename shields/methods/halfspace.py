@@ -1,11 +1,12 @@
-"""The half-space that keeps a vehicle outside one sphere for a period, and the choice of its direction.
+"""The half-space that keeps a vehicle outside one body for a period, and the choice of its direction.
 
-Along a fixed unit vector n, y = n·(r − c) is an exact fourth-order integrator, y⁗ = n·u, and y ≥ ρ keeps
-‖r − c‖ ≥ ρ. So the sampled filter on (n·j, n·a, n·v, y) is exact under a held snap and asks for
-``n·u ≥ U``. Every period n is chosen anew among
+Along a fixed unit vector n, y = n·(r − c) is an exact fourth-order integrator, y⁗ = n·u, and y ≥ ρ + h(n)
+keeps the distance ρ from a core whose support height is h; a sphere is the core of one point, and h = 0
+(``shields.interface.bodies``). So the sampled filter on (n·j, n·a, n·v, y) is exact under a held snap and asks
+for ``n·u ≥ U``. Every period n is chosen anew among
 
     the last n                  admissible again, as long as the snap was flown and not capped
-    the line of sight
+    the line of sight, from the nearest point of the core
     the direction of closest approach, if the vehicle flew straight on
 
 as the one in the invariant set of which the least correction is needed.
@@ -19,17 +20,19 @@ from typing import NamedTuple
 
 from quadsafe_core.authority import Authority, acceleration_along
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import combined, dot, norm, scale
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract
+from quadsafe_core.shapes.distance import nearest_point
 from shields.chains.braking_arcs import BrakingBounds
-from shields.chains.radial import line_of_sight
 from shields.filters.braking_backup import braking_held_input
 from shields.filters.sampled import required
+from shields.interface.bodies import ROUNDS, facing, look_at, raised
 from shields.interface.records import Demand
 from shields.methods.easing import (
     BORDER,
     LET_GO,
     REACH,
     ROUNDING,
+    SHARE,
     SLACK,
     Easing,
     easing_input,
@@ -76,23 +79,31 @@ def above(state, distance):
     return (state[0], state[1], state[2], state[3] - distance)
 
 
+@inline_kernel
+def kept_at_border(distance, spare, easing):
+    """The distance that is kept at the border."""
+    if spare is None:
+        return easing.within * distance - ROUNDING
+    return distance - SHARE * spare - ROUNDING
+
+
 @kernel
-def at_the_border(n, state, wish, distance, sampling, easing):
+def at_the_border(n, state, wish, distance, spare, sampling, easing):
     """``least_along`` of a vehicle that all but rests at the border: the law of the easing, and in the set."""
     law = min(easing_input(above(state, distance), easing), sampling.u_max)
     floor = max(wish, law, LET_GO * sampling.u_max)
-    kept = easing.within * distance - ROUNDING
+    kept = kept_at_border(distance, spare, easing)
     undecayed = Sampling(sampling.u_max, 1.0, sampling.input_max, sampling.period, sampling.authority, None)
     least, value, is_admissible = least_along(n, state, floor, kept, undecayed, sampling.authority)
     return least, value - (distance - kept), is_admissible
 
 
 @kernel
-def near_the_border(n, state, wish, distance, sampling, easing):
+def near_the_border(n, state, wish, distance, spare, sampling, easing):
     """``eased_along`` where the law of the easing may matter."""
     x, u_max, period = above(state, distance), sampling.u_max, sampling.period
     if is_in_cone(x, -SLACK * u_max, BORDER * u_max, easing, period):
-        found = at_the_border(n, state, wish, distance, sampling, easing)
+        found = at_the_border(n, state, wish, distance, spare, sampling, easing)
         if found[2]:
             return found
     least, value, is_admissible = least_along(n, state, wish, distance, sampling, sampling.authority)
@@ -103,21 +114,22 @@ def near_the_border(n, state, wish, distance, sampling, easing):
 
 
 @kernel
-def eased_along(n, state, wish, distance, sampling, easing):
+def eased_along(n, state, wish, distance, spare, sampling, easing):
     """``least_along`` that lets a slow vehicle come to rest at the border, by the law of an easing, if any."""
     if easing is not None:
         z = easing.feedback[0] * flat_output(above(state, distance), sampling.period)
         if z <= REACH * sampling.u_max:
-            return near_the_border(n, state, wish, distance, sampling, easing)
+            return near_the_border(n, state, wish, distance, spare, sampling, easing)
     return least_along(n, state, wish, distance, sampling, sampling.authority)
 
 
 @kernel
-def demand_along(n, x, wanted, distance, sampling):
-    """The least ``n·u``, from the wanted one up, that keeps the distance along n."""
-    y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r))
+def demand_along(n, x, wanted, kept, sampling):
+    """The least ``n·u``, from the wanted one up, that keeps the distance along n from the centre of x."""
+    n = facing(kept.core, n)
+    y, distance = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r)), raised(kept.core, n, kept.distance)
     wish = dot(n, wanted)
-    least, value, is_admissible = eased_along(n, y, wish, distance, sampling, sampling.easing)
+    least, value, is_admissible = eased_along(n, y, wish, distance, kept.spare, sampling, sampling.easing)
     return Demand(n, least, value, is_admissible)
 
 
@@ -138,27 +150,42 @@ def preferred(first, second, wanted):
 
 
 @kernel
-def closest_approach(x):
-    """From the sphere to the point of closest approach of a straight flight; the present point at rest."""
-    speed = dot(x.v, x.v)
-    ahead = min(HORIZON, max(0.0, -dot(x.r, x.v) / speed)) if speed > 0.0 else 0.0
-    return combined(x.r, ahead, x.v)
+def closest_approach(r, v):
+    """The point of closest approach to 0 of a straight flight from r; the present point at rest."""
+    speed = dot(v, v)
+    ahead = min(HORIZON, max(0.0, -dot(r, v) / speed)) if speed > 0.0 else 0.0
+    return combined(r, ahead, v)
 
 
 @kernel
-def distance_demand(x, last, wanted, distance, sampling):
-    """The preferred half-space that keeps the distance; x is relative to the sphere, ``last`` its last n."""
-    demand = demand_along(line_of_sight(x.r)[1], x, wanted, distance, sampling)
+def way_past(core, x):
+    """From the core to the point of its closest approach, any length; x is relative to the centre."""
+    if core is None:
+        return closest_approach(x.r, x.v)
+    nearest, point = nearest_point(core.record, core.numbers, x.r), x.r
+    for _ in range(ROUNDS):
+        point = add(nearest, closest_approach(subtract(x.r, nearest), x.v))
+        nearest = nearest_point(core.record, core.numbers, point)
+    return look_at(core, point)[1]
+
+
+@kernel
+def distance_demand(x, sight, last, wanted, kept, sampling):
+    """The preferred half-space that keeps the distance.
+
+    ``sight`` is the direction away from the core, ``last`` the last n, 0 for none; x is relative to the centre.
+    """
+    demand = demand_along(sight, x, wanted, kept, sampling)
     if demand.is_admissible and excess(demand, wanted) == 0.0:
         return demand
     if dot(last, last) > 0.0:
-        demand = preferred(demand, demand_along(last, x, wanted, distance, sampling), wanted)
+        demand = preferred(demand, demand_along(last, x, wanted, kept, sampling), wanted)
         if demand.is_admissible and excess(demand, wanted) == 0.0:
             return demand
-    ahead = closest_approach(x)
+    ahead = way_past(kept.core, x)
     length = norm(ahead)
     if length > 0.0:
-        along = demand_along(scale(1 / length, ahead), x, wanted, distance, sampling)
+        along = demand_along(scale(1 / length, ahead), x, wanted, kept, sampling)
         demand = preferred(demand, along, wanted)
     return demand
 

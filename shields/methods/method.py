@@ -6,11 +6,12 @@ from typing import Any, Concatenate, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FilterKernel = Callable[Concatenate[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ...], int]
+FilterKernel = Callable[Concatenate[ArrayLike, ArrayLike, ArrayLike, ArrayLike, Any, ...], int]
 """Turns the desired snaps of N plants into safe ones, or of one without the leading axis; returns a code.
 
-It takes (flat, center, radius, snap, own, out): arrays of float64 in C order as in ``Shield.filter``, the
-method's own arguments, and the numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
+It takes (flat, center, radius, snap, cores, own, out): arrays of float64 in C order as in ``Shield.filter``,
+those of the obstacles and the bytes of their cores as in ``Obstacles``, the method's own arguments, and the
+numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
 """
 
 
@@ -37,8 +38,8 @@ class Method(Protocol):
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3) in place of the last answer."""
 
-    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
-        """From now on the spheres move at velocities (N, K, 3), m/s, or all at 0."""
+    def move(self, velocity: NDArray[np.float64] | float) -> None:
+        """From now on the obstacles move at velocities (N, K, 3), m/s, or all at 0."""
 
     def recall(self, found: NDArray[Any]) -> None:
         """Go on from the memory of an equal method, all but its settings: a file may have been changed."""

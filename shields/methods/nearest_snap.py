@@ -1,4 +1,4 @@
-"""The snap nearest to the desired one in the half-spaces of every sphere, and of the authority.
+"""The snap nearest to the desired one in the half-spaces of every body, and of the authority.
 
 A half-space enters when the snap is outside of it: most never do, and the others enter exactly.
 """
@@ -13,7 +13,7 @@ from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, ve
 from quadsafe_core.maths.projection import project
 from shields.backup.stored_stop import NOTHING, within_ball
 from shields.chains.flat_state import Flat
-from shields.chains.radial import line_of_sight
+from shields.interface.bodies import Kept, core_at, is_there, look_at, own_core, spare_of, widened
 from shields.interface.records import Demand
 from shields.methods.authority_limits import LIMITS, limit_demand
 from shields.methods.halfspace import closing_along, demand_along, distance_demand, excess
@@ -42,14 +42,14 @@ class Row(NamedTuple):
 
 @kernel
 def no_half_spaces(count):
-    """Room for the half-spaces among K spheres, none entered."""
+    """Room for the half-spaces among K bodies, none entered."""
     rows = 2 * count + LIMITS
     return HalfSpaces(np.zeros((rows, 3)), np.full(rows, -math.inf))
 
 
 @inline_kernel
 def relative_to(x, center, velocity):
-    """The flat state relative to a sphere that moves at constant velocity."""
+    """The flat state relative to a body that moves at constant velocity."""
     return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
 
 
@@ -61,25 +61,31 @@ def direction(half_space):
     return (n[0], n[1], n[2])
 
 
+@inline_kernel
+def to_keep(core, radius, margin):
+    """What to keep of a body: its radius and the margin."""
+    return Kept(widened(core, radius, margin), spare_of(core, radius, margin), core)
+
+
 @kernel
-def choose_directions(i, x, wanted, spheres, chosen, settings, fact):
-    """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all spheres.
+def choose_directions(i, x, wanted, bodies, chosen, settings, fact):
+    """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all bodies.
 
     ``chosen``: (K) ``HALF_SPACE``, of the last period before and of this one after.
     """
-    center, velocity, radius = spheres
-    is_cut, is_outside = False, True
+    radius, is_cut, is_outside = bodies.radius, False, True
     for k in range(radius.shape[1]):
-        if radius[i, k] > 0.0:
-            y = relative_to(x, triple(center, i, k), triple(velocity, i, k))
-            distance = (1 + settings.margin) * radius[i, k]
-            n = chosen[k]["n"]
-            demand = distance_demand(y, direction(chosen[k]), wanted, distance, settings.sampling)
+        core = core_at(bodies.cores, i, k)
+        if is_there(core, radius[i, k]):
+            y = relative_to(x, triple(bodies.center, i, k), triple(bodies.velocity, i, k))
+            n, kept = chosen[k]["n"], to_keep(core, radius[i, k], settings.margin)
+            distance, sight = look_at(core, y.r)
+            demand = distance_demand(y, sight, direction(chosen[k]), wanted, kept, settings.sampling)
             n[0], n[1], n[2] = demand.n
             chosen[k]["least"] = demand.least
             fact["value"] = min(fact["value"], demand.value)
             is_cut |= excess(demand, wanted) > 0.0
-            is_outside &= norm(y.r) >= radius[i, k]
+            is_outside &= distance >= radius[i, k]
     return is_cut, is_outside
 
 
@@ -95,7 +101,7 @@ def enter(half_spaces, place, demand, u):
 
 @kernel
 def note_demand(demand, u, k, most, fact):
-    """Remember the sphere that asks for the largest correction, and the largest input asked for."""
+    """Remember the body that asks for the largest correction, and the largest input asked for."""
     fact["reserve"] = max(fact["reserve"], demand.least)
     correction = excess(demand, u)
     if correction > most:
@@ -104,33 +110,34 @@ def note_demand(demand, u, k, most, fact):
 
 
 @kernel
-def cut(x, u, spheres, row, settings, half_spaces, most):
-    """Enter the half-spaces that u is outside of, distance and closing of each sphere.
+def cut(x, u, bodies, row, settings, half_spaces, most):
+    """Enter the half-spaces that u is outside of, distance and closing of each body.
 
     Returns whether there was one, and the largest correction asked for so far.
     """
-    center, velocity, radius = spheres
-    sampling = settings.sampling
+    keep_out, sampling = bodies.keep_out, settings.sampling
     is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, row.fact, most)
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
-            y = relative_to(x, vector(center[k]), vector(velocity[k]))
+    for k in range(keep_out.shape[0]):
+        core = own_core(bodies.cores, k)
+        if is_there(core, keep_out[k]):
+            y = relative_to(x, vector(bodies.center[k]), vector(bodies.velocity[k]))
             if half_spaces.offsets[k] == -math.inf:
-                distance = (1 + settings.margin) * radius[k]
-                demand = demand_along(direction(row.chosen[k]), y, u, distance, sampling)
+                kept = to_keep(core, keep_out[k], settings.margin)
+                demand = demand_along(direction(row.chosen[k]), y, u, kept, sampling)
                 if enter(half_spaces, k, demand, u):
                     is_cut, most = True, note_demand(demand, u, k, most, row.fact)
-            cuts, most = cut_closing(k, y, u, settings.closing, sampling, (half_spaces, row.fact), most)
+            entered = half_spaces, row.fact, core
+            cuts, most = cut_closing(k, y, u, settings.closing, sampling, entered, most)
             is_cut |= cuts
     return is_cut, most
 
 
 @kernel
-def cut_as_chosen(wanted, radius, row, half_spaces):
+def cut_as_chosen(wanted, bodies, row, half_spaces):
     """Enter the half-spaces that ``choose_directions`` has found the wanted snap outside of."""
     most = 0.0
-    for k in range(radius.shape[0]):
-        if radius[k] > 0.0:
+    for k in range(bodies.keep_out.shape[0]):
+        if is_there(own_core(bodies.cores, k), bodies.keep_out[k]):
             demand = Demand(direction(row.chosen[k]), row.chosen[k]["least"], 0.0, True)
             if enter(half_spaces, k, demand, wanted):
                 most = note_demand(demand, wanted, k, most, row.fact)
@@ -139,13 +146,13 @@ def cut_as_chosen(wanted, radius, row, half_spaces):
 
 @kernel
 def cut_closing(k, y, u, closing, sampling, entered, most):
-    """Enter the half-space that bounds the closing motion to sphere k if u is outside of it.
+    """Enter the half-space that bounds the closing motion to body k if u is outside of it.
 
-    ``entered``: the half-spaces, and the facts of the row.
+    ``entered``: the half-spaces, the facts of the row, and the core of the body.
     """
     if closing is not None:
-        half_spaces, fact = entered
-        demand = closing_along(line_of_sight(y.r)[1], y, u, closing, sampling)
+        half_spaces, fact, core = entered
+        demand = closing_along(look_at(core, y.r)[1], y, u, closing, sampling)
         fact["value"] = min(fact["value"], demand.value)
         if enter(half_spaces, half_spaces.offsets.shape[0] - LIMITS - 1 - k, demand, u):
             return True, note_demand(demand, u, k, most, fact)
@@ -180,22 +187,22 @@ def shortened(u, half_spaces, snap_max):
 
 
 @kernel
-def nearest_snap(x, wanted, is_chosen, spheres, row, settings):
+def nearest_snap(x, wanted, is_chosen, bodies, row, settings):
     """The nearest snap to the wanted one in every half-space and the ball, and whether there is one.
 
     ``is_chosen``: whether the half-spaces were chosen for this snap, and one of them asks for a correction.
     """
-    radius, snap_max = spheres.keep_out, settings.flight.limits.snap_max
-    half_spaces = no_half_spaces(radius.shape[0])
+    snap_max = settings.flight.limits.snap_max
+    half_spaces = no_half_spaces(bodies.keep_out.shape[0])
     wanted = within_ball(wanted, snap_max)
     u, is_feasible = wanted, True
     if is_chosen:
-        is_cut, most = cut_as_chosen(wanted, radius, row, half_spaces)
+        is_cut, most = cut_as_chosen(wanted, bodies, row, half_spaces)
     else:
-        is_cut, most = cut(x, u, spheres, row, settings, half_spaces, 0.0)
+        is_cut, most = cut(x, u, bodies, row, settings, half_spaces, 0.0)
     while is_cut and is_feasible:
         rows = half_spaces.offsets.shape[0]
         px, py, pz, is_feasible = project(wanted, half_spaces.normals, half_spaces.offsets, rows)
         u = shortened((px, py, pz), half_spaces, snap_max)
-        is_cut, most = cut(x, u, spheres, row, settings, half_spaces, most)
+        is_cut, most = cut(x, u, bodies, row, settings, half_spaces, most)
     return u, is_feasible

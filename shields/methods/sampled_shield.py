@@ -1,4 +1,4 @@
-"""The sampled shield: any number of spheres, exact under a snap that is held for a period."""
+"""The sampled shield: any number of bodies, exact under a snap that is held for a period."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,8 @@ from quadsafe_core.kernels.borrow import borrowed, one_row
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.stored_stop import PLAN
-from shields.interface.records import Measured, Obstacles
+from shields.interface.bodies import are_cores_of, packed_bodies
+from shields.interface.records import Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
@@ -34,15 +35,15 @@ TRACKING_POLE = 30.0
 
 
 @kernel
-def sampled_batch(flat, center, radius, snap, memory, kind, out):
+def sampled_batch(flat, center, radius, snap, cores, memory, kind, out):
     """Rows of ``sampled_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
     n, k = flat.shape[0], radius.shape[1]
-    if not is_memory_of(memory, n, k, out):
+    if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
     held, _ = sampled_memory(memory, n, k)
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
-    spheres = Obstacles(borrowed(center), held.velocities, borrowed(radius))
-    measured = Measured(borrowed(flat), spheres, borrowed(snap))
+    bodies = packed_bodies(borrowed(center), borrowed(radius), held.velocities, cores)
+    measured = Measured(borrowed(flat), bodies, borrowed(snap))
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
@@ -51,9 +52,10 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
 
 
 @kernel
-def sampled_one(flat, center, radius, snap, memory, kind, out):
+def sampled_one(flat, center, radius, snap, cores, memory, kind, out):
     """``sampled_batch`` of one vehicle without the leading axis."""
-    return sampled_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, kind, out)
+    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
+    return sampled_batch(flats, centers, radii, snaps, cores, memory, kind, out)
 
 
 class SampledMethod:
@@ -77,8 +79,8 @@ class SampledMethod:
         """Some rows fly other snaps than the last answer: what they remember is void."""
         self.forget(mask)
 
-    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
-        """Spheres move at velocities (N, K, 3), m/s, or all at 0."""
+    def move(self, velocity: NDArray[np.float64] | float) -> None:
+        """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
         sampled_memory(self.memory, *self._size)[0].velocities[:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:

@@ -15,12 +15,21 @@ from numpy.typing import NDArray
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, one_row, taken
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import combined, norm, subtract, triple, vector, write3
+from quadsafe_core.kernels.vec3 import combined, subtract, triple, vector, write3
 from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
 from shields.backup.stored_stop import PLAN, advance_stop, tracking_snap, within_ball
 from shields.chains.flat_state import flat_of, flown, write_flat
-from shields.interface.records import Measured, MovingSpheres, Obstacles
+from shields.interface.bodies import (
+    are_cores_of,
+    bodies_of_row,
+    core_at,
+    distance_from,
+    is_there,
+    own_core,
+    packed_bodies,
+)
+from shields.interface.records import Bodies, Measured, MovingBodies
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
 from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.memory import (
@@ -54,13 +63,14 @@ def predicted(x, pending, period):
 
 
 @inline_kernel
-def write_world_ahead(i, ahead, spheres, width, tubes):
-    """Put down the spheres of row i as they will be in ``ahead`` seconds, with radii larger by the tube."""
-    center, velocity, radius = spheres
+def write_world_ahead(i, ahead, bodies, width, tubes):
+    """Put down the bodies of row i as they will be in ``ahead`` seconds, with radii larger by the tube."""
+    center, velocity, radius = bodies.center, bodies.velocity, bodies.radius
     for k in range(radius.shape[1]):
         write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
         # An absent sphere stays one.
-        tubes.radii[i, k] = radius[i, k] + width.vehicle if radius[i, k] > 0.0 else 0.0
+        is_body = is_there(core_at(bodies.cores, i, k), radius[i, k])
+        tubes.radii[i, k] = radius[i, k] + width.vehicle if is_body else 0.0
 
 
 @inline_kernel
@@ -74,24 +84,26 @@ def send(snap, pending):
 
 
 @kernel
-def is_here_clear(i, x, spheres, pending, chains, width, period):
+def is_here_clear(i, x, bodies, pending, chains, width, period):
     """Whether the vehicle as it is, not only as it will be, is where a certificate has it.
 
-    Where all that is on its way was certified, no point of its path may lie in a sphere by more than errors do.
+    Where all that is on its way was certified, no point of its path may lie in a body by more than errors do.
     Before that the path must be clear for sure.
     """
-    center, velocity, radius = spheres
-    error, delay, count = width.estimate - width.vehicle, pending.shape[1], radius.shape[1]
+    own = bodies_of_row(i, bodies)
+    error, delay, count = width.estimate - width.vehicle, pending.shape[1], own.keep_out.shape[0]
     for k in range(count):
-        if norm(subtract(x.r, triple(center, i, k))) < radius[i, k] - error:
+        core, gap = own_core(own.cores, k), subtract(x.r, vector(own.center[k]))
+        if is_there(core, own.keep_out[k]) and distance_from(core, gap) < own.keep_out[k] - error:
             return False
     if delay == 0:
         return True
     is_chained, keep_out = chains[i] >= delay, np.zeros(count)
     for k in range(count):
-        if radius[i, k] > 0.0:
-            keep_out[k] = max(radius[i, k] - error, 0.0) if is_chained else radius[i, k] + error
-    kept = MovingSpheres(center[i], velocity[i], keep_out)
+        radius = own.keep_out[k]
+        if is_there(own_core(own.cores, k), radius):
+            keep_out[k] = max(radius - error, 0.0) if is_chained else radius + error
+    kept = MovingBodies(own.center, own.velocity, keep_out, own.cores)
     for answer in range(delay):
         snap = triple(pending, i, answer)
         found = look_at_arc(x, snap, answer * period, period, kept, ANY_THRUST)
@@ -110,28 +122,29 @@ def withdraw(i, fact, is_here, chains):
 
 
 @kernel
-def tube_batch(flat, center, radius, snap, memory, kind, out):
+def tube_batch(flat, center, radius, snap, cores, memory, kind, out):
     """Rows of ``sampled_row`` on what will be when the answer is flown; the first code that is not ``DONE``.
 
     See ``method.FilterKernel``.
     """
     n, k = flat.shape[0], radius.shape[1]
-    if not is_memory_of(memory, n, k, out):
+    if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
     held, rest = sampled_memory(memory, n, k)
     tubes = tube_memory(rest, n, k, held.settings[0]["delay"])
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
-    spheres = Obstacles(borrowed(center), held.velocities, borrowed(radius))
-    measured = Measured(borrowed(flat), spheres, borrowed(snap))
-    ahead = Measured(tubes.flats, Obstacles(tubes.centers, held.velocities, tubes.radii), measured.snap)
+    bodies = packed_bodies(borrowed(center), borrowed(radius), held.velocities, cores)
+    measured = Measured(borrowed(flat), bodies, borrowed(snap))
+    bodies_ahead = Bodies(tubes.centers, bodies.velocity, tubes.radii, bodies.cores)
+    ahead = Measured(tubes.flats, bodies_ahead, measured.snap)
     width, period, delay = settings.tube, settings.flight.period, tubes.pending.shape[1]
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:
             x = flat_of_row(i, measured.flat)
-            is_here = is_here_clear(i, x, spheres, tubes.pending, tubes.chains, width, period)
+            is_here = is_here_clear(i, x, bodies, tubes.pending, tubes.chains, width, period)
             write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
-            write_world_ahead(i, delay * period, spheres, width, tubes)
+            write_world_ahead(i, delay * period, bodies, width, tubes)
             tubes.before[i] = held.rows.plans[i]
             code = sampled_row(i, ahead, held.rows, settings, answers)
             withdraw(i, answers.facts[i], is_here, tubes.chains)
@@ -140,9 +153,10 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
 
 
 @kernel
-def tube_one(flat, center, radius, snap, memory, kind, out):
+def tube_one(flat, center, radius, snap, cores, memory, kind, out):
     """``tube_batch`` of one vehicle without the leading axis."""
-    return tube_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, kind, out)
+    flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
+    return tube_batch(flats, centers, radii, snaps, cores, memory, kind, out)
 
 
 @kernel
@@ -207,8 +221,8 @@ class TubeMethod:
         self.forget(mask)
         pending[mask] = on_the_way
 
-    def move_spheres(self, velocity: NDArray[np.float64] | float) -> None:
-        """Spheres move at velocities (N, K, 3), m/s, or all at 0."""
+    def move(self, velocity: NDArray[np.float64] | float) -> None:
+        """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
         self._parts()[0].velocities[:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
@@ -36,7 +37,7 @@ class RecordedShield(Protocol):
         """Whether ``backup`` may be asked."""
         ...
 
-    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
+    def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
         """Safe snaps of N rows."""
         ...
 
@@ -148,13 +149,13 @@ class Recorder:
         """Open a policy step."""
         self._periods, self._begun = 0, None
 
-    def filter(self, flat: Floats, center: Floats, radius: Floats, snap: Floats, period: float) -> Filtered:
+    def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
         try:
-            answer = self.shield.filter(flat, center, radius, snap, period)
+            answer = self.shield.filter(flat, obstacles, snap, period)
             self._has_answered = True
         except Exception as error:
-            answer = self._answer_in_spite_of(error, flat, center, radius, snap, period)
+            answer = self._answer_in_spite_of(error, flat, obstacles, snap, period)
         if period != self._period:
             self._watches["most"], self._watches["period"] = (
                 expectation_of(self.shield.settings, period),
@@ -173,26 +174,27 @@ class Recorder:
         off, most = (np.array2string(self._watches[name][row], precision=3) for name in ("off", "most"))
         warnings.warn(SENTENCE.format(row=row, off=off, declared=most), RuntimeWarning, stacklevel=3)
 
-    def _answer_in_spite_of(self, error: Exception, flat, center, radius, snap, period: float) -> Filtered:
+    def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
-        bad = unusable_rows(flat, center, radius)
+        bad = unusable_rows(flat, obstacles.center, obstacles.radius)
         if bad.any():
-            return self._answer_without(bad, flat, center, radius, snap, period)
+            return self._answer_without(bad, flat, obstacles, snap, period)
         if not self._has_answered:
             raise error
         warnings.warn(f"the shield raised {error!r}: every row brakes", RuntimeWarning, stacklevel=3)
         return braking_answer(flat, snap, period)
 
-    def _answer_without(self, bad: NDArray[np.bool_], flat, center, radius, snap, period: float) -> Filtered:
-        """The answer to the other rows, with empty worlds in place of the bad ones, which brake."""
+    def _answer_without(self, bad: NDArray[np.bool_], flat, obstacles, snap, period: float) -> Filtered:
+        """The answer to the other rows, with rest at 0 in place of the bad ones, which brake."""
         for i in np.flatnonzero(bad & ~self._is_named).tolist():
-            sentence = row_error(i, flat, center, radius)
+            sentence = row_error(i, flat, obstacles.center, obstacles.radius)
             warnings.warn(f"row {i} brakes: {sentence}", RuntimeWarning, stacklevel=4)
         self._is_named |= bad
-        flats, centers, radii, snaps = (x.copy() for x in (flat, center, radius, snap))
+        flats, centers, radii, snaps = (x.copy() for x in (flat, obstacles.center, obstacles.radius, snap))
         for array in (flats, centers, radii, snaps):
             array[bad] = 0.0
-        answer = self.shield.filter(flats, centers, radii, snaps, period)
+        others = Obstacles(centers, radii, obstacles.velocity, obstacles.cores)
+        answer = self.shield.filter(flats, others, snaps, period)
         brakes = braking_answer(flat[bad], snap[bad], period)
         answer.snap[bad], answer.facts[bad] = brakes.snap, brakes.facts
         self.shield.override(bad, brakes.snap)

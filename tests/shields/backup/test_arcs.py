@@ -24,7 +24,7 @@ from shields.backup.arcs import (
     thrust_leaves,
 )
 from shields.chains.flat_state import Flat, flat_of, flown, write_flat
-from shields.interface.records import MovingSpheres, ThrustBand
+from shields.interface.records import MovingBodies, ThrustBand
 
 GRAVITY = 9.81
 FLOOR = ThrustBand(1.0, math.inf, GRAVITY)
@@ -59,9 +59,7 @@ def spheres_near(rng, path, times, drift, spare):
     center = at - velocity * times[len(times) // 2]
     distance = np.linalg.norm(path - center - times[:, None] * velocity, axis=1).min()
     centers = np.array([center, path[0]])
-    return MovingSpheres(
-        centers, np.array([velocity, np.zeros(3)]), np.array([distance / spare, 0.0])
-    ), distance
+    return MovingBodies(centers, np.array([velocity, np.zeros(3)]), np.array([distance / spare, 0.0])), distance
 
 
 @pytest.mark.interpreted
@@ -151,14 +149,14 @@ def test_a_moderate_arc_with_five_millimetres_to_spare_is_clear():
 @pytest.mark.interpreted
 def test_an_arc_through_a_sphere_between_its_ends_is_not_clear():
     x = flat_state([[-1.0, 0, 0], [10.0, 0, 0], [0, 0, 0], [0, 0, 0]])
-    spheres = MovingSpheres(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.05]))
+    spheres = MovingBodies(np.zeros((1, 3)), np.zeros((1, 3)), np.array([0.05]))
     assert not arc_is_clear(x, three([0, 0, 0]), 0.0, 0.2, spheres, FLOOR)
 
 
 @pytest.mark.interpreted
 def test_an_absent_sphere_is_in_nobodys_way():
     x = flat_state([[0.0, 0, 0], [0.1, 0, 0], [0, 0, 0], [0, 0, 0]])
-    spheres = MovingSpheres(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2))
+    spheres = MovingBodies(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros(2))
     assert arc_is_clear(x, three([0, 0, 0]), 0.0, 0.1, spheres, FLOOR)
     assert rest_is_clear(x, 0.0, spheres)
     spheres.keep_out[1] = 0.1
@@ -168,7 +166,7 @@ def test_an_absent_sphere_is_in_nobodys_way():
 
 @pytest.mark.interpreted
 def test_a_fall_below_the_thrust_floor_is_not_clear():
-    nowhere = MovingSpheres(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    nowhere = MovingBodies(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     x = flat_state([[0.0, 0, 0], [0, 0, 0], [0, 0, 2.0 - GRAVITY], [0, 0, 0]])
     assert arc_is_clear(x, three([0, 0, 0]), 0.0, 0.1, nowhere, FLOOR)
     # The acceleration sinks by snap · 0.1² / 2: to a specific thrust of 0.5.
@@ -181,7 +179,7 @@ def test_a_fall_below_the_thrust_floor_is_not_clear():
 def test_what_is_not_a_number_is_not_clear(place):
     rows = np.zeros((4, 3))
     rows[place, 0] = math.nan
-    spheres = MovingSpheres(np.array([[5.0, 0, 0]]), np.zeros((1, 3)), np.ones(1))
+    spheres = MovingBodies(np.array([[5.0, 0, 0]]), np.zeros((1, 3)), np.ones(1))
     assert not arc_is_clear(flat_state(rows), three([0, 0, 0]), 0.0, 0.1, spheres, NO_FLOOR)
 
 
@@ -199,7 +197,7 @@ def test_clear_at_rest_is_clear_at_every_later_time():
         gap = rows[0] + later[:, None] * rows[1] - center - (start + later)[:, None] * velocity
         distance = np.linalg.norm(gap, axis=1).min()
         keep_out = rng.uniform(0.1, 1.5)
-        spheres = MovingSpheres(center[None], velocity[None], np.array([keep_out]))
+        spheres = MovingBodies(center[None], velocity[None], np.array([keep_out]))
         is_clear = rest_is_clear(flat_state(rows), start, spheres)
         assert not is_clear or distance >= keep_out * (1 - 1e-12)
         # Between times 0.01 s apart the distance falls by less than 0.02 m at 3.5 m/s of closing speed.
@@ -279,7 +277,7 @@ def test_what_a_look_at_pieces_finds():
     x = flat_state([[0.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [0, 0, 0]])
 
     def look(center, velocity=(0.0, 0.0, 0.0), keep=1.0, pieces=2, start=0.0, band=FLOOR):
-        spheres = MovingSpheres(*(np.array([part], float) for part in (center, velocity, keep)))
+        spheres = MovingBodies(*(np.array([part], float) for part in (center, velocity, keep)))
         return look_at_pieces(x, (0.0, 0.0, 0.0), start, 0.5, pieces, spheres, band)
 
     assert look((9.0, 0.0, 0.0)) == CLEAR
@@ -305,11 +303,11 @@ def test_a_resting_vehicle_is_clear_as_far_as_the_sphere_ever_comes():
     ):
         for keep, expected in ((least - 1e-12, True), (least + 1e-12, False)):
             assert (
-                rest_is_clear(x, start, MovingSpheres(np.zeros((1, 3)), np.array([velocity]), np.array([keep])))
+                rest_is_clear(x, start, MovingBodies(np.zeros((1, 3)), np.array([velocity]), np.array([keep])))
                 == expected
             )
     # they move together
     moving = x._replace(v=(1.0, 0.0, 0.0))
     assert rest_is_clear(
-        moving, 0.0, MovingSpheres(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]), np.array([5.0]))
+        moving, 0.0, MovingBodies(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]), np.array([5.0]))
     )

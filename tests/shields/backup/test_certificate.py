@@ -41,7 +41,7 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
-from shields.interface.records import FlightLimits, FlightRules, MovingSpheres, ThrustBand
+from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.05
 LIMITS = FlightLimits(math.inf, 600.0, math.inf, ThrustBand(1.0, math.inf, GRAVITY))
@@ -75,7 +75,7 @@ def empty_plan():
 def spheres_of(*rows):
     """Spheres from (center, velocity, distance to keep)."""
     centers, velocities, keep_out = zip(*rows, strict=True)
-    return MovingSpheres(np.array(centers, float), np.array(velocities, float), np.array(keep_out, float))
+    return MovingBodies(np.array(centers, float), np.array(velocities, float), np.array(keep_out, float))
 
 
 def same(spheres):
@@ -318,7 +318,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
         x, plan = some_state(rng), empty_plan()
         spheres = spheres_of((rng.normal(size=3) * 2, frame, rng.uniform(0.2, 1.0)))
         if adopt_stop(plan, x, 0.0, PERIOD, spheres, LIMITS):
-            slack = MovingSpheres(spheres.center, spheres.velocity, spheres.keep_out * (1 - 1e-9))
+            slack = MovingBodies(spheres.center, spheres.velocity, spheres.keep_out * (1 - 1e-9))
             while plan["segments_left"] > 0:
                 assert look_at_stored_stop(plan, PERIOD, slack) == CLEAR
                 advance_stop(plan, PERIOD)

@@ -24,7 +24,7 @@ from shields.backup.stop_hull import (
 )
 from shields.backup.stored_stop import NOTHING, SEGMENTS, dead_beat_snap
 from shields.chains.flat_state import Flat, flown
-from shields.interface.records import FlightLimits, Obstacles, ThrustBand
+from shields.interface.records import Bodies, FlightLimits, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.02
 SEEDS = st.integers(0, 2**32 - 1)
@@ -85,7 +85,7 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     velocity = rng.normal(size=(2, 3)) * (0.8 if moving else 0.0)
     radius = rng.uniform(0.1, 1.0, 2)
     spheres = (center[None], velocity[None], radius[None])
-    if not is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits):
+    if not is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 1.0, limits):
         return
     # Rounding of the control points.
     later = np.concatenate([times, times[-1] + np.linspace(0.0, 20.0, 200)])
@@ -106,7 +106,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
     far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))
     for _ in range(200):
         x = state(rng, 0.3)
-        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Obstacles(*far), 1.0, FREE)
+        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Bodies(*far), 1.0, FREE)
     assert count >= 190
 
 
@@ -114,7 +114,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
 def test_each_limit_alone_is_noticed():
     def clear(x, snap=NOTHING, h=0.4, limits=FREE, center=(30.0, 0.0, 0.0), velocity=NOTHING):
         spheres = (np.array([[center]]), np.array([[velocity]]), np.ones((1, 1)))
-        return is_clear_at_once(0, held(x, snap), h, Obstacles(*spheres), 1.0, limits)
+        return is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 1.0, limits)
 
     hover = Flat(NOTHING, NOTHING, NOTHING, NOTHING)
     fast = hover._replace(v=(1.0, 0.0, 0.0))
@@ -213,7 +213,7 @@ def test_any_sphere_of_the_row_and_no_other_row_can_be_in_the_way():
     center, radius = np.array([[far, far], [far, near]]), np.array([[1.0, 0.0], [1.0, 1.4]])
 
     def clear(i, share):
-        spheres = Obstacles(center, np.zeros((2, 2, 3)), radius)
+        spheres = Bodies(center, np.zeros((2, 2, 3)), radius)
         return spheres_are_clear(i, held(hover, NOTHING), scaled(hover, 0.4), spheres, share)
 
     assert clear(0, 1.0) and clear(0, 8.9) and not clear(0, 9.1)

@@ -14,7 +14,7 @@ from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_sn
 from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_input
 from shields.interface.filtered import FACTS
-from shields.interface.records import Demand, FlightLimits, MovingSpheres, Obstacles, ThrustBand
+from shields.interface.records import Bodies, Demand, FlightLimits, MovingBodies, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, braking, opened
 from shields.methods.authority_limits import limit_demand
 from shields.methods.easing import POLE
@@ -63,7 +63,7 @@ def settings_of(**given):
 def spheres_at(*rows):
     """Spheres from (center, radius), at rest."""
     centers, radii = zip(*rows, strict=True)
-    return MovingSpheres(np.array(centers, float), np.zeros((len(rows), 3)), np.array(radii, float))
+    return MovingBodies(np.array(centers, float), np.zeros((len(rows), 3)), np.array(radii, float))
 
 
 def open_fact():
@@ -291,9 +291,7 @@ def test_a_snap_is_shortened_along_the_way_to_the_least_one():
 @pytest.mark.interpreted
 def test_directions_values_and_where_the_vehicle_is():
     settings = settings_of()
-    spheres = Obstacles(
-        *(x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0)))
-    )
+    spheres = Bodies(*(x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0))))
     chosen, fact = np.zeros(3, dtype=HALF_SPACE), open_fact()
     rows = (spheres, chosen, settings, fact)
     assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
