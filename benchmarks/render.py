@@ -2,9 +2,9 @@
 
 ``env.render()`` of shielded flights in the mode "rgb_array", 480 by 480 pixels: median and 99th percentile over
 the first second of flights in new scenes, and over the second in which the path reaches its greatest length,
-512 points. Then one vehicle among the bodies of ``mixed``, and in a room of six walls: from a camera at rest,
-and from one that is elsewhere in every picture, so that nothing is kept. The first line is the machine's own limit,
-timed in the same run: a copy of a frame.
+512 points. Then one vehicle among the bodies of ``mixed``, and in a room of six walls: from a camera at
+rest, and from one that is elsewhere in every picture, so that nothing is kept.
+The first line is the machine's own limit, timed in the same run: a copy of a frame.
 """
 
 import argparse

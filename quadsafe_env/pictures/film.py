@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.pictures.trail import Past, Trail
+from quadsafe_env.simulation.surroundings import copied_row
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -73,8 +74,7 @@ class FilmedWorld(World):
 
     def obstacles_of(self, row: int) -> Obstacles:
         """The obstacles of a row, as they stand."""
-        _, _, center, radius = self.scenes
-        return Obstacles(center[row], radius[row], keep_out=self.params.radius)
+        return copied_row(self.obstacles, row)
 
 
 class ShownWorld(FilmedWorld):
