@@ -2,6 +2,17 @@
 
 from quadsafe_core.old_paths import keep_old_paths
 from quadsafe_core.registration import register_environments
+from quadsafe_core.shapes import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    Obstacles,
+    Sphere,
+    shape_from,
+)
 from quadsafe_env.tasks.conditions import CONDITIONS, Conditions
 
 register_environments()
@@ -15,3 +26,4 @@ keep_old_paths(
 )
 
 __all__ = ["CONDITIONS", "Conditions"]
+__all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]

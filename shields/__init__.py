@@ -6,6 +6,17 @@ from typing import Any
 from quadsafe_core.authority import Authority
 from quadsafe_core.old_paths import keep_old_paths
 from quadsafe_core.registration import register_environments
+from quadsafe_core.shapes import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    Obstacles,
+    Sphere,
+    shape_from,
+)
 from shields.interface.filtered import Filtered
 from shields.settings.uncertainty import Uncertainty
 from shields.shield import Shield
@@ -44,6 +55,7 @@ _THEORY = {
 }
 
 __all__ = ["Authority", "Filtered", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
+__all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
 __all__ += list(_THEORY)  # pyright: ignore[reportUnsupportedDunderAll]
 
 

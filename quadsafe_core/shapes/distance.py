@@ -3,7 +3,7 @@
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import combined, dot, norm, scale, subtract
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, write3
 from quadsafe_core.shapes.cores import (
     BOX,
     CAPSULE,
@@ -64,6 +64,27 @@ def signed_distance(core, numbers, x):
         m = axis_of(core)
         return dot(m, x), m
     return _from_center(x)
+
+
+@kernel
+def distance_batch(cores, numbers, center, radius, points, out):
+    """Rows of the signed distance from one body, of ``core[0, 0]``."""
+    for i in range(points.shape[0]):
+        d, _ = signed_distance(cores[0, 0], numbers, subtract(points[i], center))
+        out[i] = d - radius
+
+
+@kernel
+def nearest_batch(cores, numbers, center, radius, points, out):
+    """Rows of the nearest point of one body, of ``core[0, 0]``."""
+    for i in range(points.shape[0]):
+        x = subtract(points[i], center)
+        d, n = signed_distance(cores[0, 0], numbers, x)
+        if d <= radius:
+            write3(out[i], points[i])
+        else:
+            q = nearest_point(cores[0, 0], numbers, x)
+            write3(out[i], add(center, combined(q, radius, n)))
 
 
 @inline_kernel

@@ -18,7 +18,7 @@ def facets_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _normals(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    _, _, axes = np.linalg.svd(points - points.mean(axis=0))
+    _, _, axes = np.linalg.svd(np.linalg.qr(points - points.mean(axis=0), mode="r"))
     along = (points - points[0]) @ axes.T
     extents = np.ptp(along, axis=0)
     size = extents.max()

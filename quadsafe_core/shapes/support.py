@@ -8,7 +8,7 @@ Both are relative to the core's centre, for n of any length within 1e-100 and 1e
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import cross, dot, norm
+from quadsafe_core.kernels.vec3 import add, combined, cross, dot, norm, vector, write3
 from quadsafe_core.shapes.cores import (
     BOX,
     CAPSULE,
@@ -69,6 +69,17 @@ def highest_vertex(core, numbers, n):
         if found > height:
             best, height = i, found
     return (numbers[best], numbers[best + 1], numbers[best + 2])
+
+
+@kernel
+def support_batch(cores, numbers, center, radius, directions, out):
+    """Rows of the support point of one body, of ``core[0, 0]``."""
+    core = cores[0, 0]
+    for i in range(directions.shape[0]):
+        n = vector(directions[i])
+        length = norm(n)
+        ball = radius / length if length > 0.0 else 0.0
+        write3(out[i], add(center, combined(support_point(core, numbers, n), ball, n)))
 
 
 @inline_kernel
