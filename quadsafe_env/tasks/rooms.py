@@ -6,6 +6,7 @@ vehicle's radius, and between the two points half of what the opening is wider t
 """
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import subtract, write3
 from quadsafe_core.maths.counter_rng import uniform
-from quadsafe_core.shapes.cores import BOX, CYLINDER
+from quadsafe_core.shapes.cores import ABSENT, BOX, CYLINDER
 from quadsafe_env.tasks.drawn_bodies import (
     FORWARD,
     UP,
@@ -22,6 +23,9 @@ from quadsafe_env.tasks.drawn_bodies import (
     write_core,
     write_wall,
 )
+from quadsafe_env.tasks.scene_columns import columns_in, point, write_point
+from quadsafe_env.tasks.scenes import STRIDE, Task, key_of
+from quadsafe_env.tasks.way import write_opening, write_rests
 
 # What the way through a scene keeps free around the vehicle, m: more than starts need.
 CORRIDOR = 0.25
@@ -85,21 +89,14 @@ def room_of(key, sizes):
 
 
 @inline_kernel
-def start_in(room, key, n, near):
-    """A start within half a metre of what the back wall leaves, from random numbers n, n + 1 and n + 2."""
+def end_in(room, key, n, near):
+    """A point within half a metre of what the back wall leaves, from random numbers n, n + 1 and n + 2."""
     half = room.half
     return (
         near - half[0] + uniform(key, n, 0.0, 0.5),
         uniform(key, n + 1, -1.0, 1.0) * (half[1] - near),
         uniform(key, n + 2, -1.0, 1.0) * (half[2] - near),
     )
-
-
-@inline_kernel
-def goal_in(room, key, n, near):
-    """The same behind the wall across."""
-    x, y, z = start_in(room, key, n, near)
-    return (-x, y, z)
 
 
 @inline_kernel
@@ -200,3 +197,71 @@ def furnish(cores, centers, key, room, sizes, way):
             if is_out_of_the_way(core, numbers, piece, room, way, near):
                 break
             write_absent(core)
+
+
+@kernel
+def rooms_endpoints_batch(words, rows, attempt, sizes, memory):
+    """A start near the back wall and a goal near the front wall, the wall across between them."""
+    scenes, near = columns_in(memory), sizes.vehicle + CORRIDOR
+    for i in rows:
+        key, n = key_of(words, i), STRIDE * attempt
+        room = room_of(key, sizes)
+        write_point(scenes.start, i, *end_in(room, key, n, near))
+        x, y, z = end_in(room, key, n + 3, near)
+        write_point(scenes.goal, i, -x, y, z)
+
+
+@kernel
+def rooms_bodies_batch(words, rows, sizes, memory, cores):
+    """Walls, the wall across, pillars and boxes, in this order."""
+    scenes = columns_in(memory)
+    n, k = cores.shape
+    centers, radii = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
+    for i in rows:
+        key = key_of(words, i)
+        room = room_of(key, sizes)
+        way = way_through(room, point(scenes.start, i), point(scenes.goal, i), sizes.vehicle + CORRIDOR)
+        write_walls(cores[i], centers[i], room)
+        write_divider(cores[i], centers[i], room)
+        furnish(cores[i], centers[i], key, room, sizes, way)
+        for j in range(k):
+            radii[i, j] = 0.0 if cores[i, j]["kind"] == ABSENT else sizes.vehicle
+
+
+@kernel
+def rooms_openings_batch(words, rows, sizes, memory, openings):
+    """The one opening of each room."""
+    scenes = columns_in(memory)
+    for i in rows:
+        room = room_of(key_of(words, i), sizes)
+        write_opening(openings[i, 0], room.center, (1.0, 0.0), room.reach)
+        write_rests(openings[i], point(scenes.goal, i))
+
+
+@dataclass(frozen=True)
+class RoomsTask(Task):
+    """A room with a wall across it: through its doorway or window, around pillars and boxes.
+
+    ``opening`` is the width of the doorway or window, m; ``vehicle`` the vehicle's radius, m.
+    """
+
+    opening: float = 0.8
+    pillars: int = 4
+    boxes: int = 6
+    vehicle: float = 0.0
+
+    @property
+    def _sizes(self) -> RoomSizes:
+        return RoomSizes(self.opening, self.pillars, self.boxes, self.vehicle)
+
+    def endpoints(self, words, rows, attempt, memory):
+        """See ``rooms_endpoints_batch``."""
+        rooms_endpoints_batch(words, rows, attempt, self._sizes, memory)
+
+    def bodies(self, words, rows, sizes, memory, cores):
+        """See ``rooms_bodies_batch``."""
+        rooms_bodies_batch(words, rows, self._sizes, memory, cores)
+
+    def openings(self, words, rows, memory, openings):
+        """See ``rooms_openings_batch``."""
+        rooms_openings_batch(words, rows, self._sizes, memory, openings)
