@@ -20,14 +20,12 @@ from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 
 TASKS = {
-    "flight": FlightTask(
-        sphere_count=1, observed_spheres=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)
-    ),
+    "flight": FlightTask(body_count=1, observed_count=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)),
     # The sphere's centre is 1.2 m or more from start and goal; 0.15 m are kept free.
-    "avoid": AvoidTask(sphere_count=1, observed_spheres=1, ends_at_goal=True, largest_keep_out=1.05),
+    "avoid": AvoidTask(body_count=1, observed_count=1, ends_at_goal=True, largest_keep_out=1.05),
     # At 2 m every second draw is clear of start and goal.
     "forest": ForestTask(
-        sphere_count=10, observed_spheres=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
+        body_count=10, observed_count=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
     ),
 }
 RENDER_MODES = ("human", "rgb_array")
@@ -184,7 +182,7 @@ def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float]
     if sphere_count is not None:
         if name != "forest":
             raise ValueError(f"sphere_count must be left out for task {name!r}, got {sphere_count!r}")
-        task = replace(task, sphere_count=positive_integer("sphere_count", sphere_count))
+        task = replace(task, body_count=positive_integer("sphere_count", sphere_count))
     if sphere_radius is not None:
         if name == "flight":
             raise ValueError(f"sphere_radius must be left out for task 'flight', got {sphere_radius!r}")

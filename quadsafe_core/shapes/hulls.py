@@ -12,7 +12,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract
 from quadsafe_core.shapes.support import highest_vertex
 
-# A bound only; at most 12 were seen for 100 vertices.
+# A bound only; at most 8 were seen of up to 100 vertices.
 ROUNDS = 100
 # Of ‖x − q‖ times the size of the hull: a vertex that is no farther towards x is rounding.
 ROUNDING = 1e-15

@@ -38,7 +38,8 @@ from quadsafe_env.tasks.conditions import OFF, Conditions
 from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
-from quadsafe_env.tasks.scenes import DrawnSpheres, GivenSpheres, SceneSource, Task
+from quadsafe_env.tasks.scenes import Task
+from quadsafe_env.tasks.sources import DrawnSpheres, GivenSpheres, SceneSource
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -110,7 +111,7 @@ class World:
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
         self._periods = rates.control // rates.policy
-        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_spheres
+        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_count
         self.snap_filter = PassThrough()
         self.action_scale = np.array(action_scale(action, params))
         self._measure: Measure = MEASURES[action]
@@ -134,7 +135,7 @@ class World:
                 yaw=self.yaw_hold_at(1.0 / rates.physics),
             )
         )
-        self._allocate(self._source.sphere_count)
+        self._allocate(self._source.body_count)
 
     def yaw_hold_at(self, dt: float) -> YawHold:
         """What the yaw motion keeps to with physics steps of ``dt``, s."""

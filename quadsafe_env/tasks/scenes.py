@@ -6,15 +6,12 @@ at rest and clear of every keep-out sphere, hence inside the invariant set of ea
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import NamedTuple
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import subtract
 from quadsafe_core.maths.counter_rng import Key, uniform
-from quadsafe_env.tasks.obstacles import Spheres, clearance, distance_to
+from quadsafe_env.tasks.obstacles import clearance, distance_to
 from quadsafe_env.tasks.scene_columns import columns_in, point, scenes_of, write_point
 
 # Starts and goals keep this distance from every keep-out sphere.
@@ -146,26 +143,60 @@ def crowded_rows(rows, memory, out):
 
 @dataclass(frozen=True)
 class Task:
-    """One task: how its scenes are drawn and when an episode ends.
+    """One task: how its scenes are drawn, what is observed of them, and when an episode ends.
 
-    ``sizes`` is the range of the obstacles' radii, m; up to ``largest_keep_out`` the drawing finds spheres that
-    are clear of start and goal; ``low`` and ``high`` are the bounds of the flight.
+    | field              | meaning                                                                 |
+    |--------------------|-------------------------------------------------------------------------|
+    | `body_count`       | places K for bodies in a scene                                          |
+    | `observed_count`   | of how many of them, the nearest, the agent sees entries                |
+    | `ends_at_goal`     | whether arrival ends an episode                                         |
+    | `low`, `high`      | bounds of the flight, m                                                 |
+    | `sizes`            | range of the bodies' radii, m                                           |
+    | `largest_keep_out` | up to here, m, the drawing finds bodies that are clear of start and goal|
+    | `layout`           | of the entries: "spheres" or "surfaces" (``tasks.reward``)              |
+    | `is_mixed`         | whether bodies of other kinds than spheres are drawn                    |
     """
 
-    sphere_count: int
-    observed_spheres: int
+    body_count: int
+    observed_count: int
     ends_at_goal: bool
     low: tuple[float, float, float] = (-4.0, -4.0, -4.0)
     high: tuple[float, float, float] = (4.0, 4.0, 4.0)
     sizes: tuple[float, float] = (0.3, 0.6)
     largest_keep_out: float = math.inf
+    layout: str = "spheres"
+    is_mixed: bool = False
 
     def endpoints(self, words, rows, attempt, memory):
-        """Draw start and goal of the given rows."""
+        """Draw start and goal of the given rows; another attempt draws others where a task has any.
+
+        Args:
+            words: (N, 2) integers of the scenes.
+            rows: (M,) indices.
+            attempt: number of the attempt, 0 first.
+            memory: of the scenes of N worlds, see ``quadsafe_env.tasks.scene_columns.Scenes``.
+        """
         raise NotImplementedError
 
-    def spheres(self, words, rows, sizes, memory):
-        """Draw the spheres of the given rows, between their start and goal."""
+    def bodies(self, words, rows, sizes, memory, cores):
+        """Draw the bodies of the given rows, behind their endpoints.
+
+        Of body k of world i is written, in every one of the K places:
+
+        - ``center[i, k]``, the centre of its core, m, as ``quadsafe_core.shapes.cores`` has it: the middle of a
+          capsule, a cylinder, a box or an ellipsoid, a point on the plane of a half-space;
+        - ``radius[i, k]``, the distance to keep from the core, m: the radius of a sphere or a capsule, 0 for
+          the other kinds, plus ``sizes.vehicle``; 0 for a place without a body;
+        - of a mixed task also ``kind``, ``axes`` and ``half`` of ``cores[i, k]``, whole: what is there before
+          is another scene's. A place without a body has the kind ABSENT. Hulls are not drawn.
+
+        Args:
+            words: (N, 2) integers of the scenes.
+            rows: (M,) indices.
+            sizes: ``Sizes``.
+            memory: of the scenes; start and goal are drawn.
+            cores: (N, K) ``CORE`` of a mixed task, else None.
+        """
         raise NotImplementedError
 
 
@@ -176,7 +207,7 @@ class FlightTask(Task):
         """See ``flight_endpoints_batch``."""
         flight_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, sizes, memory):
+    def bodies(self, words, rows, sizes, memory, cores):
         """The paper's obstacle at (2, 0, 1); its keep-out radius of 1 m is a choice."""
         scenes = scenes_of(memory)
         scenes.center[rows, 0], scenes.radius[rows, 0] = (2.0, 0.0, 1.0), 1.0
@@ -189,7 +220,7 @@ class AvoidTask(Task):
         """See ``avoid_endpoints_batch``."""
         avoid_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, sizes, memory):
+    def bodies(self, words, rows, sizes, memory, cores):
         """See ``avoid_spheres_batch``."""
         avoid_spheres_batch(words, rows, sizes, memory)
 
@@ -201,56 +232,6 @@ class ForestTask(Task):
         """See ``forest_endpoints_batch``."""
         forest_endpoints_batch(words, rows, attempt, memory)
 
-    def spheres(self, words, rows, sizes, memory):
+    def bodies(self, words, rows, sizes, memory, cores):
         """See ``forest_spheres_batch``."""
         forest_spheres_batch(words, rows, sizes, memory)
-
-
-class SceneSource(Protocol):
-    """Fills scenes from the integers of their rows."""
-
-    sphere_count: int
-
-    def draw(self, words: NDArray[np.int64], rows: NDArray[np.intp], memory: NDArray[np.float64]) -> None:
-        """Write start, goal and spheres of the given rows, from words (N, 2), into the memory of scenes."""
-        ...
-
-
-class DrawnSpheres:
-    """Scenes with the task's own spheres."""
-
-    def __init__(self, task: Task, vehicle_radius: float):
-        self.sphere_count = task.sphere_count
-        self._task, self._sizes = task, Sizes(*task.sizes, vehicle_radius)
-
-    def draw(self, words, rows, memory):
-        """See ``SceneSource.draw``."""
-        self._task.endpoints(words, rows, 0, memory)
-        self._task.spheres(words, rows, self._sizes, memory)
-
-
-class GivenSpheres:
-    """Scenes with the user's spheres: start and goal are redrawn until they are clear of them."""
-
-    def __init__(self, task: Task, spheres: Spheres):
-        self.sphere_count = len(spheres.radius)
-        self._task, self._spheres = task, spheres
-
-    def draw(self, words, rows, memory):
-        """See ``SceneSource.draw``.
-
-        Raises:
-            ValueError: if no start and goal clear of the spheres were found.
-        """
-        scenes = scenes_of(memory)
-        scenes.center[rows], scenes.radius[rows] = self._spheres
-        crowded = np.zeros(len(scenes.start), dtype=np.bool_)
-        for attempt in range(TRIES):
-            self._task.endpoints(words, rows, attempt, memory)
-            crowded_rows(rows, memory, crowded)
-            rows = rows[crowded[rows]]
-            if not rows.size:
-                return
-        raise ValueError(
-            f"obstacles must leave start and goal {FREE_SPACE} m clear, got no such scene in {TRIES} draws"
-        )

@@ -13,7 +13,8 @@ from quadsafe_core.maths.counter_rng import Key, derived_key, key_integer, key_w
 from quadsafe_env.settings import TASKS, build_world
 from quadsafe_env.tasks.obstacles import clearance
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
-from quadsafe_env.tasks.scenes import FREE_SPACE, DrawnSpheres
+from quadsafe_env.tasks.scenes import FREE_SPACE
+from quadsafe_env.tasks.sources import DrawnSpheres
 from quadsafe_env.vehicle.params import PRESETS
 
 VEHICLE = PRESETS["crazyflie"].radius
@@ -41,7 +42,7 @@ GOLDEN_FOREST = [
 def drawn(name, integers):
     """The scenes of a list of integers, drawn together."""
     source, n = DrawnSpheres(TASKS[name], VEHICLE), len(integers)
-    memory = scene_memory(n, source.sphere_count)
+    memory = scene_memory(n, source.body_count)
     source.draw(key_words(integers), np.arange(n), memory)
     return scenes_of(memory)
 
