@@ -34,7 +34,7 @@ LEAST_GAP, LARGEST_GAP = 0.7, 1.1
 
 
 class GateSizes(NamedTuple):
-    """Inner width and height of every gate, m, how many there are, 0 for 3 to 6, and the vehicle's radius, m."""
+    """Of a course: width and height of the openings, m, number of gates, 0 for 3 to 6, radius of the vehicle, m."""
 
     opening: float
     gates: int
@@ -96,41 +96,39 @@ def is_of_capsules_in(key, g):
 
 @inline_kernel
 def write_beam(core, center, gate, is_of_capsules, sideways, up):
-    """A beam beside the opening, ``sideways``, or above or below it, ``up``: −1, 0 or 1; its ball's radius, m."""
+    """A beam at −1 or 1 beside the opening, or below or above it."""
     (x, y, z), (ax, ay), across = gate.center, gate.along, gate.reach + gate.beam
     write3(center, (x - sideways * across * ay, y + sideways * across * ax, z + up * across))
     level, through = (-ay, ax, 0.0), (ax, ay, 0.0)
     along = level if sideways == 0.0 else UP
     if is_of_capsules:
         write_core(core, CAPSULE, along, through, (across, 0.0, 0.0))
-        return gate.beam
-    # The upright ones have the corners.
-    length = gate.reach if sideways == 0.0 else across + gate.beam
-    write_core(core, BOX, along, through, (length, gate.beam, gate.beam))
-    return 0.0
+    else:
+        # The upright ones have the corners.
+        length = gate.reach if sideways == 0.0 else across + gate.beam
+        write_core(core, BOX, along, through, (length, gate.beam, gate.beam))
 
 
 @kernel
-def write_gate(cores, centers, radii, gate, is_of_capsules, vehicle):
+def write_gate(cores, centers, gate, is_of_capsules):
     """The four beams of a gate: left, right, below, above."""
     for k in range(BEAMS):
         side = 2.0 * (k % 2) - 1.0
         sideways, up = (side, 0.0) if k < 2 else (0.0, side)
-        radii[k] = write_beam(cores[k], centers[k], gate, is_of_capsules, sideways, up) + vehicle
+        write_beam(cores[k], centers[k], gate, is_of_capsules, sideways, up)
 
 
 @kernel
-def write_no_gate(cores, centers, radii):
+def write_no_gate(cores, centers):
     """An empty place for a gate."""
     for k in range(BEAMS):
         write_absent(cores[k])
         write3(centers[k], (0.0, 0.0, 0.0))
-        radii[k] = 0.0
 
 
 @kernel
 def gates_endpoints_batch(words, rows, attempt, sizes, memory):
-    """A start before the first gate and a goal behind the last, within half a metre of the axis of the course."""
+    """A start before the first gate and a goal behind the last, both within half a metre of the x axis."""
     scenes = columns_in(memory)
     for i in rows:
         key, n = key_of(words, i), STRIDE * attempt
@@ -152,26 +150,28 @@ def gates_bodies_batch(words, rows, sizes, memory, cores):
             here = slice(BEAMS * g, BEAMS * g + BEAMS)
             if g < count:
                 x += gap_before(key, g, sizes)
-                gate, is_of_capsules = gate_of(key, g, x, sizes), is_of_capsules_in(key, g)
-                write_gate(cores[i, here], centers[i, here], radii[i, here], gate, is_of_capsules, sizes.vehicle)
+                gate = gate_of(key, g, x, sizes)
+                write_gate(cores[i, here], centers[i, here], gate, is_of_capsules_in(key, g))
+                radii[i, here] = sizes.vehicle + (gate.beam if is_of_capsules_in(key, g) else 0.0)
             else:
-                write_no_gate(cores[i, here], centers[i, here], radii[i, here])
+                write_no_gate(cores[i, here], centers[i, here])
+                radii[i, here] = 0.0
 
 
 @kernel
 def gates_openings_batch(words, rows, sizes, memory, openings):
     """The gates of each scene in the last places, so that behind the last one is the goal."""
-    scenes = columns_in(memory)
+    scenes, step = columns_in(memory), sizes.vehicle + CORRIDOR + DEPTH
     for i in rows:
         key, x = key_of(words, i), scenes.start[3 * i]
         count = gate_count(key, sizes)
         first = openings.shape[1] - count
         for g in range(first):
-            write_opening(openings[i, g], point(scenes.start, i), (1.0, 0.0), (0.0, 0.0))
+            write_opening(openings[i, g], point(scenes.start, i), (1.0, 0.0), (0.0, 0.0), 0.0)
         for g in range(count):
             x += gap_before(key, g, sizes)
             gate = gate_of(key, g, x, sizes)
-            write_opening(openings[i, first + g], gate.center, gate.along, (gate.reach, gate.reach))
+            write_opening(openings[i, first + g], gate.center, gate.along, (gate.reach, gate.reach), step)
         write_rests(openings[i], point(scenes.goal, i))
 
 
@@ -179,8 +179,8 @@ def gates_openings_batch(words, rows, sizes, memory, openings):
 class GatesTask(Task):
     """A slalom through window frames.
 
-    ``opening`` is their inner width and height, m, ``gates`` how many there are, 0 for 3 to 6, and ``vehicle`` the
-    vehicle's radius, m.
+    ``opening`` is their inner width and height, m, ``gates`` how many there are, 0 for 3 to 6, and ``vehicle``
+    the vehicle's radius, m.
     """
 
     opening: float = 0.8

@@ -41,7 +41,7 @@ ATTEMPTS = 16
 
 
 class RoomSizes(NamedTuple):
-    """What every room of a task has: the width of its opening, m, how many pillars and boxes, the vehicle, m."""
+    """Of every room: width of its opening, m, number of pillars and boxes, radius of the vehicle, m."""
 
     opening: float
     pillars: int
@@ -231,10 +231,10 @@ def rooms_bodies_batch(words, rows, sizes, memory, cores):
 @kernel
 def rooms_openings_batch(words, rows, sizes, memory, openings):
     """The one opening of each room."""
-    scenes = columns_in(memory)
+    scenes, near = columns_in(memory), sizes.vehicle + CORRIDOR
     for i in rows:
         room = room_of(key_of(words, i), sizes)
-        write_opening(openings[i, 0], room.center, (1.0, 0.0), room.reach)
+        write_opening(openings[i, 0], room.center, (1.0, 0.0), room.reach, room.depth + near)
         write_rests(openings[i], point(scenes.goal, i))
 
 
