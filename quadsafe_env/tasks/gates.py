@@ -34,7 +34,7 @@ LEAST_GAP, LARGEST_GAP = 0.7, 1.1
 
 
 class GateSizes(NamedTuple):
-    """Of a course: width and height of the openings, m, number of gates, 0 for 3 to 6, radius of the vehicle, m."""
+    """Of a course: inner width of its gates, m, how many, 0 for 3 to 6, and radius of the vehicle, m."""
 
     opening: float
     gates: int
