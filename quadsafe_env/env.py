@@ -22,6 +22,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
+from quadsafe_env.simulation.surroundings import copied_row
 
 ROW = np.zeros(1, dtype=np.intp)
 
@@ -182,5 +183,5 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
     @property
     def obstacles(self) -> Obstacles:
-        """Keep-out spheres: center (K, 3) and radius (K,), m, copies."""
-        return self._world.obstacles_of(0)
+        """What there is as it stands now, a copy; iterating gives the shapes, without ``keep_out``."""
+        return copied_row(self._world.obstacles, 0)

@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 
 from quadsafe_core.registration import IDS
+from quadsafe_core.shapes import Obstacles, Shape
 
 
 class PlainSpec:
@@ -39,15 +40,28 @@ class PlainSpec:
 
 
 def plain(value: Any) -> Any:
-    """``value`` as JSON has it: arrays and tuples as lists, named tuples as mappings, enums as their values."""
-    if hasattr(value, "__array__"):
-        return plain(np.asarray(value).tolist())
-    if isinstance(value, tuple) and hasattr(value, "_asdict"):
-        return plain(value._asdict())  # type: ignore[attr-defined]
+    """``value`` as JSON has it: numbers in lists, what has names as mappings, enums as values."""
     if isinstance(value, Mapping):
         return {key: plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple) and not hasattr(value, "_asdict"):
         return [plain(entry) for entry in value]
+    simpler = _simpler(value)
+    return value if simpler is value else plain(simpler)
+
+
+def _simpler(value: Any) -> Any:
+    """A list, a mapping or a number for what is none, and what is one as it is."""
+    if hasattr(value, "__array__"):
+        return np.asarray(value).tolist()
+    if isinstance(value, Obstacles):
+        return list(value)
+    if isinstance(value, Shape):
+        return value.as_dict()
+    # A scipy ``Rotation`` in the mapping of a shape.
+    if hasattr(value, "as_matrix"):
+        return value.as_matrix()
+    if isinstance(value, tuple):
+        return value._asdict()  # type: ignore[attr-defined]
     return value.value if isinstance(value, Enum) else value
 
 

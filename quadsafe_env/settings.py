@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, one_of, positive_integer, real_array
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
+from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.scene_settings import furnished
@@ -17,7 +18,6 @@ from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
 from quadsafe_env.tasks.gates import GatesTask
-from quadsafe_env.tasks.obstacles import spheres_from_rows
 from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
@@ -63,7 +63,8 @@ def build_world(
     task: str = "avoid",
     action: str = "velocity",
     params="crazyflie",
-    obstacles: Sequence[Sequence[float]] | None = None,
+    obstacles: Sequence[Any] | None = None,
+    bounds: Sequence[Sequence[float]] | None = None,
     policy_hz: int = 25,
     control_hz: int = 100,
     physics_hz: int = 500,
@@ -85,7 +86,9 @@ def build_world(
         task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
         action: "velocity", "snap" or "wrench".
         params: preset name, mapping of fields, or QuadrotorParams.
-        obstacles: rows [x, y, z, radius], m, in place of the task's own spheres; radii without the vehicle's.
+        obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
+            one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.
+        bounds: a box to keep in, [low, high], (3,) each, m: six walls beside the obstacles, given or drawn.
         policy_hz: rate of ``step``, Hz.
         control_hz: rate of the filter slot, Hz; a multiple of policy_hz.
         physics_hz: rate of the inner loop and of RK4, Hz; a multiple of control_hz.
@@ -104,10 +107,12 @@ def build_world(
         ValueError, TypeError: naming the keyword, what was expected and what came.
     """
     vehicle = params_from(params)
-    spheres = None if obstacles is None else spheres_from_rows(obstacles, vehicle.radius)
+    draws = obstacles is None
+    given = [] if obstacles is None else shapes_from(obstacles)
+    walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
     furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
-    if spheres is None:
+    if draws:
         _check_room(drawn, vehicle)
         drawn = furnished(task, drawn, vehicle.radius, **furniture)
     elif sphere_count is not None or sphere_radius is not None:
@@ -116,7 +121,8 @@ def build_world(
         raise ValueError(f"{', '.join(furniture)} must be left out where obstacles are given, got both")
     kept: dict[str, Any] = {
         "action": action,
-        "spheres": spheres,
+        "obstacles": Obstacles.pack([*given, *walls], keep_out=vehicle.radius),
+        "draws": draws,
         "rates": Rates(
             positive_integer("policy_hz", policy_hz),
             positive_integer("control_hz", control_hz),
@@ -129,6 +135,26 @@ def build_world(
     if met == OFF:
         return WORLDS[render_mode](n, drawn, vehicle, **kept)
     return DISTURBED_WORLDS[render_mode](n, drawn, vehicle, conditions=met, **kept)
+
+
+def walls_of(bounds: Sequence[Sequence[float]], vehicle_radius: float) -> list[HalfSpace]:
+    """Six walls, which leave free what is within a box.
+
+    Args:
+        bounds: (2, 3) the lowest and the highest corner, m.
+        vehicle_radius: m.
+
+    Raises:
+        TypeError, ValueError: for what is no such box, or one that a vehicle does not fit into.
+    """
+    low, high = exact_array("bounds", bounds, (2, 3))
+    if not (low + 2.0 * vehicle_radius < high).all():
+        raise ValueError(
+            f"bounds must be [low, high], high above low by more than the vehicle's {2.0 * vehicle_radius:g} m "
+            f"in x, y and z, got {[low.tolist(), high.tolist()]}"
+        )
+    floors = [HalfSpace(normal, float(offset)) for normal, offset in zip(np.eye(3), low, strict=True)]
+    return floors + [HalfSpace(-normal, -float(offset)) for normal, offset in zip(np.eye(3), high, strict=True)]
 
 
 def scene_integer(name: str, value) -> int:

@@ -24,6 +24,7 @@ from quadsafe_env.settings import (
     known_options,
     scene_integer,
 )
+from quadsafe_env.simulation.surroundings import copied
 
 RENDER_MODES = ("rgb_array",)
 
@@ -203,5 +204,5 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
 
     @property
     def obstacles(self) -> Obstacles:
-        """Keep-out spheres: center (N, K, 3) and radius (N, K), m, copies."""
-        return self._world.copied_obstacles()
+        """What there is in every row as it stands now, a copy; iterating gives a list of shapes a row."""
+        return copied(self._world.obstacles)

@@ -7,6 +7,7 @@ the rotors give; drag and air act over the other half. So with every condition o
 """
 
 import math
+from typing import NamedTuple
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
@@ -30,6 +31,14 @@ from quadsafe_env.simulation.block import (
     YAW,
     block_of,
 )
+from quadsafe_env.simulation.bodies import (
+    around_of,
+    close_period_among,
+    close_step_among,
+    columns_among,
+    meet_bodies,
+    open_around,
+)
 from quadsafe_env.simulation.episode import (
     close_period,
     close_step,
@@ -41,11 +50,17 @@ from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
-from quadsafe_env.tasks.scene_columns import columns_in
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_step
 from quadsafe_env.vehicle.state import THRUST, lane_state, lane_triple, store_lane
+
+
+class DisturbedPlant(NamedTuple):
+    """What the kernels of a world under conditions are told."""
+
+    plant: Plant
+    disturbance: Disturbance
 
 
 @inline_kernel
@@ -117,8 +132,9 @@ def is_state_sound(s, thrust_min):
 
 
 @inline_kernel
-def record_step(block, i, spheres, s, dt):
-    """Time at the goal and least squared distances to the spheres after a step of lane i."""
+def record_step(block, i, row, among, s, dt):
+    """Time at the goal and least distances after a step of lane i, a row: to spheres squared, or to bodies."""
+    spheres, around = among
     held = held_time(
         block[LANES * HELD + i], squared_distance(s[0], s[1], s[2], lane_triple(block, U(LANES * GOAL + i))), dt
     )
@@ -128,6 +144,7 @@ def record_step(block, i, spheres, s, dt):
         at = LANES * (SPHERES + PER_SPHERE * k) + i
         squared = squared_distance(s[0], s[1], s[2], lane_triple(block, U(at)))
         block[at + 4 * LANES] = min(block[at + 4 * LANES], squared)
+    meet_bodies(around, row, i, s[0:3], dt)
 
 
 @inline_kernel
@@ -140,11 +157,13 @@ def load_flown(block, first, count, memory):
 
 
 @kernel
-def fly_row(block, lane, spheres, plant, rotors, d, m):
+def fly_row(block, lane, row, among, told, m):
     """Fly a row, in a lane, for a control period; it stays in its last sound state when it crashes.
 
-    ``m`` is the row's record of the dtype ``WEATHER``.
+    ``among`` are the number of spheres and the ``Around`` of bodies, or None; ``told`` a ``Plant``, the rotors
+    and a ``Disturbance``; ``m`` the row's record of the dtype ``WEATHER``.
     """
+    plant, rotors, d = told
     dt, steps = plant.dt, steps_of(plant.substeps, d, m)
     vehicle, air = true_vehicle(plant.params, m), air_of(dt * m["steps"], d, m)
     snap, yaw_acceleration = lane_triple(block, U(LANES * SNAP + lane)), block[LANES * YAW + lane]
@@ -160,20 +179,21 @@ def fly_row(block, lane, spheres, plant, rotors, d, m):
             block[LANES * (TABLE + IS_FLYING) + lane], block[LANES * (TABLE + CRASH) + lane] = 0.0, 1.0
             break
         s = after
-        record_step(block, lane, spheres, s, dt)
+        record_step(block, lane, row, among, s, dt)
     store_lane(block, U(lane), s)
     m["periods"] += 1
     m["steps"] += steps
 
 
 @kernel
-def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_memory, weather):
+def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_memory, weather):
     """Hold what is flown for a control period, as ``advance_batch`` does; observations are not written.
 
-    ``disturbance`` is a ``Disturbance``, raveled, and ``weather`` (N,) of the dtype ``WEATHER``.
+    ``numbers`` are a ``DisturbedPlant``, raveled; ``body_memory`` is that of ``SceneBodies``, or None among
+    spheres at rest; ``weather`` is (N,) of the dtype ``WEATHER``.
     """
-    plant, d = unraveled(numbers, Plant), unraveled(disturbance, Disturbance)
-    rows, scenes = rows_in(borrowed(memory)), columns_in(borrowed(scene_memory))
+    (plant, d), rows = unraveled(numbers, DisturbedPlant), rows_in(borrowed(memory))
+    scenes, around = columns_among(scene_memory, body_memory), around_of(scene_memory, body_memory)
     spheres = scenes.sphere_count
     block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
     for first in range(0, weather.shape[0], LANES):
@@ -181,10 +201,17 @@ def advance_disturbed_batch(numbers, rotors, disturbance, closes, memory, scene_
         load_rows(block, first, count, rows.state, scenes)
         load_flown(block, first, count, weather)
         open_period(block, first, count, rows.table, plant.yaw)
+        open_around(around, block, count)
         for lane in range(count):
+            row = first + lane
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
-                fly_row(block, lane, spheres, plant, rotors, d, weather[first + lane])
-        close_period(block, gaps, first, count, spheres, plant, rows)
-        if closes:
+                fly_row(block, lane, row, (spheres, around), (plant, rotors, d), weather[row])
+        if body_memory is None:
+            close_period(block, gaps, first, count, spheres, plant, rows)
+        else:
+            close_period_among(block, gaps, first, count, around, plant, rows)
+        if closes and body_memory is None:
             close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
+        elif closes:
+            close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
         store_table(block, first, rows.table)

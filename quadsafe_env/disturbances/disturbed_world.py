@@ -17,7 +17,6 @@ from quadsafe_env.disturbances.draws import (
     lost_batch,
 )
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
-from quadsafe_env.simulation.batches import observe_rows
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import Conditions
 from quadsafe_env.tasks.scenes import Task
@@ -44,7 +43,9 @@ class DisturbedWorld(World):
     def __init__(self, n: int, task: Task, params: QuadrotorParams, *, conditions: Conditions, **settings: Any):
         self.conditions = conditions
         super().__init__(n, task, params, **settings)
-        self._disturbance = raveled(disturbance(conditions, self.control_period, 1.0 / self.rates.physics))
+        met = disturbance(conditions, self.control_period, 1.0 / self.rates.physics)
+        self._disturbance = raveled(met)
+        self._disturbed_plant = np.concatenate([self._plant, self._disturbance])
         # The other interfaces do not feed the estimate back.
         feeds_back = settings["action"] == "velocity"
         self._feedback = velocity_gains(self.control_period) if feeds_back else NO_FEEDBACK
@@ -67,7 +68,7 @@ class DisturbedWorld(World):
         """Write the present observations of the given rows, from their estimated position and velocity."""
         states = self.states.copy()
         estimated_states(rows, self._disturbance, self._weather, states)
-        observe_rows(rows, self._plant, states, self._scene_memory, observations)
+        self._flight.observe(rows, self._plant, states, self._scene_memory, observations)
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
         super()._wish(actions, opens)
@@ -76,12 +77,12 @@ class DisturbedWorld(World):
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
         self._deliver(snap)
         advance_disturbed_batch(
-            self._plant,
+            self._disturbed_plant,
             self._rotors,
-            self._disturbance,
             closes,
             self._memory,
             self._scene_memory,
+            self._source.bodies,
             self._weather,
         )
         if closes:

@@ -108,6 +108,20 @@ def advance_batch(numbers, rotors, closes, memory, scene_memory, snap, observati
         store_table(block, first, rows.table)
 
 
+@inline_kernel
+def begin_row(rows, row, m, distance, gap):
+    """What is told of one of m rows that begins, this far from its goal and its nearest obstacle, m."""
+    at = row // LANES * LANES * LINES + row % LANES
+    for k in range(LINES):
+        rows.table[at + LANES * k] = 0.0
+    for k in range(FLAGS):
+        rows.flags[m * k + row] = False
+    rows.table[at + LANES * IS_FLYING] = 1.0
+    rows.table[at + LANES * DISTANCE] = distance
+    rows.outcome[m * REWARD + row], rows.outcome[m * COST + row] = 0.0, 0.0
+    rows.outcome[m * CLEARANCE + row] = gap
+
+
 @kernel
 def begin_rows(indices, memory, scene_memory):
     """What is told of rows whose episode begins, at these indices; see ``advance_batch``."""
@@ -116,15 +130,8 @@ def begin_rows(indices, memory, scene_memory):
     for row in indices:
         load_rows(block, row, I(1), rows.state, scenes)
         measure_here(block, I(1), scenes.sphere_count, gaps)
-        at, goal = row // LANES * LANES * LINES + row % LANES, lane_triple(block, U(LANES * GOAL))
-        for k in range(LINES):
-            rows.table[at + LANES * k] = 0.0
-        for k in range(FLAGS):
-            rows.flags[m * k + row] = False
-        rows.table[at + LANES * IS_FLYING] = 1.0
-        rows.table[at + LANES * DISTANCE] = distance_to(block[0], block[LANES], block[2 * LANES], goal)
-        rows.outcome[m * REWARD + row], rows.outcome[m * COST + row] = 0.0, 0.0
-        rows.outcome[m * CLEARANCE + row] = gaps[0]
+        distance = distance_to(block[0], block[LANES], block[2 * LANES], lane_triple(block, U(LANES * GOAL)))
+        begin_row(rows, row, m, distance, gaps[0])
 
 
 @kernel

@@ -4,6 +4,7 @@ An array costs a call from Python 80 ns, so that one is cheaper than ten. The nu
 not those of a row: a filter is given its arguments as contiguous arrays.
 """
 
+from collections.abc import Mapping
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -72,3 +73,16 @@ def memory_of(n: int) -> NDArray[np.float64]:
     memory = aligned_rows(SIZE, -(-n // LANES) * LANES)
     memory[:] = 0.0
     return memory
+
+
+def restore_arrays(own: Mapping[str, NDArray], snapshot: Mapping[str, NDArray], n: int) -> None:
+    """Write the arrays of a snapshot into those that a world of ``n`` rows remembers.
+
+    Raises:
+        ValueError: for other arrays.
+    """
+    found = {name: (array.shape, array.dtype) for name, array in snapshot.items()}
+    if found != {name: (array.shape, array.dtype) for name, array in own.items()}:
+        raise ValueError(f"snapshot must be one of {n} rows in equal scenes, got arrays {found}")
+    for name, array in own.items():
+        array[...] = snapshot[name]

@@ -1,4 +1,4 @@
-"""N quadrotors among spheres: the one place that sequences the flow of a policy step.
+"""N quadrotors among obstacles: the one place that sequences the flow of a policy step.
 
     action → command → [once per control period: desired snap → filter slot → inner loop → RK4] → observation
 
@@ -15,17 +15,11 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.ravel import raveled
 from quadsafe_core.shapes import Obstacles
-from quadsafe_env.simulation.batches import (
-    advance_batch,
-    begin_rows,
-    next_words,
-    observe_rows,
-    place_rows,
-)
+from quadsafe_env.simulation.batches import next_words, place_rows
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
-from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, rows_of
+from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, restore_arrays, rows_of
 from quadsafe_env.simulation.slot import (
     MinimalFilter,
     Passed,
@@ -34,12 +28,12 @@ from quadsafe_env.simulation.slot import (
     completed,
     safe_snaps,
 )
+from quadsafe_env.simulation.surroundings import flight_among, obstacles_among
 from quadsafe_env.tasks.conditions import OFF, Conditions
-from quadsafe_env.tasks.obstacles import Spheres
-from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
+from quadsafe_env.tasks.reward import ENTRIES, OWN_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.tasks.scenes import Task
-from quadsafe_env.tasks.sources import DrawnSpheres, GivenSpheres, SceneSource
+from quadsafe_env.tasks.sources import source_of
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -87,7 +81,8 @@ class World:
         task: where they fly.
         params: the vehicle.
         action: name of the action interface.
-        spheres: keep-out spheres of every scene, or None for the task's own.
+        obstacles: bodies of every scene, packed with what they keep, one world.
+        draws: whether the task draws its own bodies too.
         rates: policy, control and physics rates, Hz.
         terminate_on_violation: whether a violation ends an episode.
         rotor_limits: whether each rotor, and the yaw motion, keeps to what the rotors give.
@@ -102,7 +97,8 @@ class World:
         params: QuadrotorParams,
         *,
         action: str,
-        spheres: Spheres | None,
+        obstacles: Obstacles,
+        draws: bool,
         rates: Rates,
         terminate_on_violation: bool,
         rotor_limits: bool,
@@ -111,16 +107,15 @@ class World:
         self.n, self.task, self.params, self.rates = n, task, params, rates
         self.control_period = 1.0 / rates.control
         self._periods = rates.control // rates.policy
-        self.observation_size = OWN_ENTRIES + SPHERE_ENTRIES * task.observed_count
+        self.observation_size = OWN_ENTRIES + ENTRIES[task.layout] * task.observed_count
         self.snap_filter = PassThrough()
         self.action_scale = np.array(action_scale(action, params))
         self._measure: Measure = MEASURES[action]
         self.rotor_limits = rotor_limits
         # Without limits the kernels are compiled without the rotors.
         self._rotors = tuple(limited_rotors(params)) if rotor_limits else None
-        self._source: SceneSource = (
-            DrawnSpheres(task, params.radius) if spheres is None else GivenSpheres(task, spheres)
-        )
+        self._source = source_of(n, task, params.radius, obstacles, draws=draws)
+        self._flight = flight_among(self._source.bodies, task.layout)
         self._plant = raveled(
             Plant(
                 params=params,
@@ -161,7 +156,7 @@ class World:
         self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
         self._table, self._commands = rows.table, rows.command
         self.scenes = scenes_of(self._scene_memory)
-        self.obstacles = Obstacles.spheres(self.scenes.center, self.scenes.radius)
+        self.obstacles = obstacles_among(self.scenes, self._source, self.params.radius)
 
     def __getstate__(self) -> dict[str, Any]:
         return {name: value for name, value in vars(self).items() if name not in COLUMNS}
@@ -187,16 +182,6 @@ class World:
         flat_batch(self.states, self.params, flat)
         return flat
 
-    def copied_obstacles(self) -> Obstacles:
-        """The obstacles of every row as they stand now, copies."""
-        scenes = self.scenes
-        return Obstacles(scenes.center.copy(), scenes.radius.copy(), keep_out=self.params.radius)
-
-    def obstacles_of(self, row: int) -> Obstacles:
-        """The obstacles of one row as they stand now, copies."""
-        center, radius = self.scenes.center[row].copy(), self.scenes.radius[row].copy()
-        return Obstacles(center, radius, keep_out=self.params.radius)
-
     def snapshot(self) -> dict[str, NDArray]:
         """All that this world remembers, as copies; the filter in the slot has its own memory."""
         return {name: array.copy() for name, array in self._remembered().items()}
@@ -207,15 +192,12 @@ class World:
         Raises:
             ValueError: for the snapshot of a world of another size.
         """
-        own = self._remembered()
-        found = {name: (array.shape, array.dtype) for name, array in snapshot.items()}
-        if found != {name: (array.shape, array.dtype) for name, array in own.items()}:
-            raise ValueError(f"snapshot must be one of {self.n} rows in equal scenes, got arrays {found}")
-        for name, array in own.items():
-            array[...] = snapshot[name]
+        restore_arrays(self._remembered(), snapshot, self.n)
 
     def _remembered(self) -> dict[str, NDArray]:
+        bodies = {} if self._source.bodies is None else {"bodies": self._source.bodies}
         return {
+            **bodies,
             "states": self.states,
             "words": self.words,
             "outcomes": self.outcomes,
@@ -258,14 +240,14 @@ class World:
         self.restart(rows)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
-        begin_rows(rows, self._memory, self._scene_memory)
+        self._flight.begin(rows, self._memory, self._scene_memory)
         mask = np.zeros(self.n, dtype=np.bool_)
         mask[rows] = True
         self._slot.reset(mask)
 
     def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
         """Write the present observations of the given rows."""
-        observe_rows(rows, self._plant, self.states, self._scene_memory, observations)
+        self._flight.observe(rows, self._plant, self.states, self._scene_memory, observations)
 
     def observed(self) -> NDArray[np.float32]:
         """Present observations (N, observation_size), a fresh array."""
@@ -293,7 +275,9 @@ class World:
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
         """Hold the safe snaps (N, 3) for the period; the last one of a policy step closes it."""
-        advance_batch(self._plant, self._rotors, closes, self._memory, self._scene_memory, snap, observations)
+        self._flight.advance(
+            self._plant, self._rotors, closes, self._memory, self._scene_memory, snap, observations
+        )
 
     def picture(self, row: int) -> NDArray[np.uint8] | None:
         """No picture: this world is not looked at."""

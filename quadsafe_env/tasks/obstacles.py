@@ -5,13 +5,11 @@ radius 0 and a finite centre.
 """
 
 import math
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import finite_array
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fused_dot
 
@@ -52,19 +50,3 @@ def clearance(x, y, z, center, radius):
 def comes_after(gap, index, last_gap, last_index):
     """Whether a sphere comes after another in the order of their distances; ties keep the order given."""
     return (gap > last_gap) | ((gap == last_gap) & (index > last_index))
-
-
-def spheres_from_rows(rows: Sequence[Sequence[float]], vehicle_radius: float) -> Spheres:
-    """Keep-out spheres of obstacles given as rows [x, y, z, radius], m.
-
-    Raises:
-        ValueError: if the rows are not (K, 4), not finite, or a radius is not positive.
-    """
-    is_empty = isinstance(rows, list | tuple) and not rows
-    table = finite_array("obstacles", np.zeros((0, 4)) if is_empty else rows, (4,))
-    if table.ndim != 2:
-        raise ValueError(f"obstacles must be a list of rows [x, y, z, radius], got shape {table.shape}")
-    for k, radius in enumerate(table[:, 3]):
-        if radius <= 0:
-            raise ValueError(f"obstacles[{k}] must have a radius > 0, got {radius}")
-    return Spheres(table[:, :3].copy(), table[:, 3] + vehicle_radius)

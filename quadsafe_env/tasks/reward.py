@@ -22,6 +22,9 @@ YAW_RATE_SCALE = 10.0  # rad/s
 RADIUS_SCALE = 2.0  # m
 OWN_ENTRIES = 15
 SPHERE_ENTRIES = 5
+SURFACE_ENTRIES = 7
+# Of one obstacle, by the layout of the task.
+ENTRIES = {"spheres": SPHERE_ENTRIES, "surfaces": SURFACE_ENTRIES}
 
 
 @inline_kernel
@@ -81,3 +84,10 @@ def sphere_entries(between, radius, is_there):
         saturated(radius, RADIUS_SCALE) if is_there else 0.0,
         1.0 if is_there else 0.0,
     )
+
+
+@inline_kernel
+def surface_entries(way, n):
+    """Entries of one body: the way to its keep-out surface, the unit normal there, presence."""
+    x, y, z = saturated_triple(way, POSITION_SCALE)
+    return (x, y, z, n[0], n[1], n[2], 1.0)

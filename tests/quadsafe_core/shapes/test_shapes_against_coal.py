@@ -9,8 +9,8 @@ coal = pytest.importorskip("coal", reason="coal is in the development group of p
 
 SHAPES, POINTS = 150, 120
 FAR = 20.0
-# coal is exact to rounding where it has a formula or an exact face, and iterates to its tolerance on ellipsoids:
-# a distance is off by the square of what its point is off.
+# coal is exact to rounding where it has a formula or an exact face. On ellipsoids it iterates to its tolerance,
+# and a distance is off by the square of what its point is off.
 EXACT, ITERATED, ITERATED_POINT = 2e-13, 2e-6, 2e-3
 
 
@@ -51,7 +51,9 @@ def asked_of_coal(shape, points):
     for i, at in enumerate(points):
         result = coal.DistanceResult()
         # A ball of radius 0 is a point, and coal gives a penetration as a negative distance.
-        distances[i] = coal.distance(coal.Sphere(0.0), coal.Transform3s(np.eye(3), at), core, place, request, result)
+        distances[i] = coal.distance(
+            coal.Sphere(0.0), coal.Transform3s(np.eye(3), at), core, place, request, result
+        )
         nearest[i] = result.getNearestPoint2()
     return distances - shape.body().radius, nearest
 

@@ -14,7 +14,7 @@ from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.kernels.ravel import raveled, unraveled
 from quadsafe_env.simulation.batches import observe_rows
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.tasks.obstacles import clearance, spheres_from_rows
+from quadsafe_env.tasks.obstacles import Spheres, clearance
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
@@ -144,7 +144,7 @@ def test_nearest_spheres_come_first_and_ties_keep_their_order():
 
 @pytest.mark.interpreted
 def test_clearance_is_the_least_distance_to_a_keep_out_sphere():
-    spheres = spheres_from_rows([[2, 0, 0, 0.5], [0, 3, 0, 2.5]], vehicle_radius=0.1)
+    spheres = Spheres(np.array([[2.0, 0, 0], [0, 3, 0]]), np.array([0.6, 2.6]))
     assert clearance(0.0, 0.0, 0.0, *spheres) == pytest.approx(0.4)
     assert clearance(2.0, 0.0, 0.0, *spheres) == pytest.approx(-0.6)
     assert clearance(0.0, 0.0, 0.0, np.zeros((2, 3)), np.zeros(2)) == math.inf

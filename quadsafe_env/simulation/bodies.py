@@ -1,0 +1,127 @@
+"""Sixteen rows among bodies of any kind: how near the lanes of a block come to them, step by step.
+
+A body is measured exactly where it may be nearer than what is nearest so far in the period. Since it was
+measured last, its distance has changed by no more than the way that the vehicle and the body have gone.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from quadsafe_core.kernels.borrow import borrowed
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.vec3 import norm, subtract
+from quadsafe_env.simulation.block import CLEARANCE, IS_FLYING, TABLE, fly_with_care
+from quadsafe_env.simulation.episode import close_lanes, record_period, store_closed
+from quadsafe_env.tasks.obstacles import NO_OBSTACLE
+from quadsafe_env.tasks.scene_bodies import Bodies, bodies_in, gap_of, least_gap
+from quadsafe_env.tasks.scene_columns import SceneColumns, columns_in
+from quadsafe_env.vehicle.state import STATE_SIZE, lane_triple, store_triple
+
+# Lines of a lane: where it was measured last, m; the least distance in the period, m; its steps.
+LAST, LEAST, STEPS = 0, 3, 4
+LANE_LINES = 5
+# Far more than rounding is for positions up to 1e9 m.
+SLACK = 1e-6  # m
+
+
+class Around(NamedTuple):
+    """Bodies around the rows of a block: its lines, and bounds (16, K) below the present distances, m."""
+
+    bodies: Bodies
+    lines: np.ndarray
+    bounds: np.ndarray
+
+
+@inline_kernel
+def columns_among(scene_memory, body_memory):
+    """The columns of the scenes, without spheres for blocks where there are bodies."""
+    scenes = columns_in(borrowed(scene_memory))
+    if body_memory is None:
+        return scenes
+    return SceneColumns(0, scenes.start, scenes.goal, scenes.center, scenes.radius)
+
+
+@inline_kernel
+def around_of(scene_memory, body_memory):
+    """The bodies around a block; None among spheres at rest."""
+    if body_memory is None:
+        return None
+    bodies = bodies_in(scene_memory, body_memory)
+    return Around(bodies, new_block(I(LANE_LINES)), np.empty((LANES, bodies.radius.shape[1])))
+
+
+@inline_kernel
+def open_around(around, block, count):
+    """Begin a period where the lanes are."""
+    if around is None:
+        return
+    lines, bounds = around.lines, around.bounds
+    for i in range(U(count)):
+        store_triple(lines, i, lane_triple(block, i))
+        lines[i + U(LANES * LEAST)], lines[i + U(LANES * STEPS)] = NO_OBSTACLE, 0.0
+    bounds[:] = -math.inf
+
+
+@kernel
+def meet_bodies(around, row, i, r, dt):
+    """Keep the least distance after a physics step of ``dt``, s, that brought lane i, a row, to r."""
+    if around is None:
+        return
+    bodies, lines, bounds = around.bodies, around.lines, around.bounds
+    steps = lines[LANES * STEPS + i] + 1.0
+    way, least = norm(subtract(r, lane_triple(lines, U(i)))), lines[LANES * LEAST + i]
+    for k in range(bodies.radius.shape[1]):
+        v = bodies.velocity[row, k]
+        bound = bounds[i, k] - way - dt * (abs(v[0]) + abs(v[1]) + abs(v[2]))
+        if bound <= least + SLACK:
+            bound = gap_of(bodies, row, k, r, steps * dt)
+            least = min(least, bound)
+        bounds[i, k] = bound
+    store_triple(lines, U(i), r)
+    lines[LANES * LEAST + i], lines[LANES * STEPS + i] = least, steps
+
+
+@kernel
+def move_bodies(around, row, i, dt):
+    """Put the bodies of a row where they are after the steps of its lane."""
+    bodies, lines = around.bodies, around.lines
+    time = dt * lines[LANES * STEPS + i]
+    for k in range(bodies.radius.shape[1]):
+        c, v = bodies.center[row, k], bodies.velocity[row, k]
+        for axis in range(3):
+            c[axis] += time * v[axis]
+
+
+@inline_kernel
+def fly_among(block, first, count, plant, rotors, around):
+    """Hold snap and yaw acceleration for a control period; what crashes stays, and its bodies with it."""
+    for _ in range(plant.substeps):
+        fly_with_care(block, count, I(0), I(1), plant, rotors)
+        for i in range(count):
+            if block[LANES * (TABLE + IS_FLYING) + i] > 0.0:
+                meet_bodies(around, first + i, i, lane_triple(block, U(i)), plant.dt)
+
+
+@inline_kernel
+def close_period_among(block, gaps, first, count, around, plant, rows):
+    """As ``close_period``, among bodies: they too are then where they are after it."""
+    from_lanes(block, I(0), rows.state, I(STATE_SIZE), first, count)
+    for i in range(U(count)):
+        gaps[i] = around.lines[i + U(LANES * LEAST)]
+    record_period(block, gaps, count, plant.dt)
+    for i in range(count):
+        move_bodies(around, first + i, i, plant.dt)
+
+
+@inline_kernel
+def close_step_among(block, room, first, count, around, plant, rows):
+    """As ``close_step``, among bodies; only of a row that did not move the present distance is asked for."""
+    gaps, flag_block = room
+    for i in range(count):
+        if block[LANES * (TABLE + CLEARANCE) + i] == NO_OBSTACLE:
+            gaps[i] = least_gap(around.bodies, first + i, lane_triple(block, U(i)))
+    close_lanes(block, gaps, count, plant, flag_block)
+    store_closed(block, flag_block, first, count, rows)
