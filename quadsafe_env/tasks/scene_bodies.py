@@ -16,6 +16,9 @@ from quadsafe_core.shapes.cores import CORE, NUMBERS, SPHERE, cores_of
 from quadsafe_core.shapes.distance import signed_distance
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_columns import columns_in, point
+from quadsafe_env.tasks.way import OPENING
+
+COUNT, OPENINGS = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=OPENING)
 
 
 class SceneBodies(NamedTuple):
@@ -27,12 +30,16 @@ class SceneBodies(NamedTuple):
     | home     | (N, K, 3)      | centres at the beginning of an episode, m                   |
     | core     | (N, K) ``CORE``| the bodies about their centres, without what is kept        |
     | numbers  | (M,)           | of the hulls among them, m                                  |
+    | openings | (N, G)         | what is passed before the goal counts, see ``tasks.way``    |
+
+    The memory begins with G.
     """
 
     velocity: NDArray[np.float64]
     home: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
 class Bodies(NamedTuple):
@@ -44,26 +51,31 @@ class Bodies(NamedTuple):
     home: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
-def body_memory(n: int, k: int, numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Memory of ``n`` worlds among ``k`` bodies, all absent, with these numbers of hulls."""
-    size = n * k * (6 * NUMBERS.itemsize + CORE.itemsize)
-    return np.concatenate([np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
+def body_memory(n: int, k: int, numbers: NDArray[np.float64], openings: int = 0) -> NDArray[np.uint8]:
+    """Memory of ``n`` worlds among ``k`` bodies and openings, all absent, with these numbers of hulls."""
+    size = n * (openings * OPENING.itemsize + k * (6 * NUMBERS.itemsize + CORE.itemsize))
+    count = np.array([openings], dtype=COUNT.dtype).view(np.uint8)
+    return np.concatenate([count, np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
 
 
 def core_memory(memory: NDArray[np.uint8], n: int, k: int) -> NDArray[np.uint8]:
     """The part of the memory that ``Obstacles.cores`` is."""
-    return memory[6 * NUMBERS.itemsize * n * k :]
+    count = int(taken(memory, COUNT, (1,))[0][0])
+    return memory[COUNT.itemsize + n * (count * OPENING.itemsize + 6 * NUMBERS.itemsize * k) :]
 
 
 @register_jitable
 def scene_bodies_of(memory: Any, n: int, k: int) -> SceneBodies:
     """What there is within the memory; borrowed."""
-    velocity, rest = taken(memory, NUMBERS, (n, k, 3))
+    count, rest = taken(memory, COUNT, (1,))
+    openings, rest = taken(rest, OPENINGS, (n, count[0]))
+    velocity, rest = taken(rest, NUMBERS, (n, k, 3))
     home, rest = taken(rest, NUMBERS, (n, k, 3))
     cores = cores_of(rest, n, k)
-    return SceneBodies(velocity, home, cores.core, cores.numbers)
+    return SceneBodies(velocity, home, cores.core, cores.numbers, openings)
 
 
 @inline_kernel
@@ -73,7 +85,7 @@ def bodies_in(scene_memory, memory):
     k = scenes.sphere_count
     b = scene_bodies_of(memory, n, k)
     center, radius = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
-    return Bodies(center, radius, b.velocity, b.home, b.core, b.numbers)
+    return Bodies(center, radius, b.velocity, b.home, b.core, b.numbers, b.openings)
 
 
 @inline_kernel

@@ -82,6 +82,13 @@ def rest_behind(openings, g):
     return openings[g]["rest"] if g < openings.shape[0] else 0.0
 
 
+@inline_kernel
+def target_of(openings, goal):
+    """The centre of the next opening of a row, or the goal behind the last."""
+    g = next_opening(openings)
+    return vector(openings[g]["center"]) if g < openings.shape[0] else goal
+
+
 @kernel
 def go_on(openings, p):
     """The vehicle of a row is at p now; the length of the way between what was next and what is next now, m."""

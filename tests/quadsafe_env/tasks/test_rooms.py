@@ -102,9 +102,15 @@ def test_rooms_take_a_width_of_the_opening_and_numbers_of_pillars_and_boxes():
 @pytest.mark.parametrize(
     ("keywords", "sentence"),
     [
-        ({"opening": 0.14}, "opening must be in [0.14567, 1.2] m for a vehicle of radius 0.0628348 m, got 0.14"),
+        (
+            {"opening": 0.14},
+            "opening must be in [0.14567, 1.2] m for a vehicle of radius 0.0628348 m, got 0.14",
+        ),
         ({"opening": 1.3}, "opening must be in [0.14567, 1.2] m"),
-        ({"params": {"radius": 0.5}}, "opening must be in [1.02, 1.2] m for a vehicle of radius 0.5 m, got 0.8"),
+        (
+            {"params": {"radius": 0.5}},
+            "opening must be in [1.02, 1.2] m for a vehicle of radius 0.5 m, got 0.8",
+        ),
         ({"opening": "wide"}, "opening must be a finite number"),
         ({"pillars": -1}, "pillars must be an integer >= 0, got -1"),
         ({"boxes": 1.5}, "boxes must be an integer >= 0, got 1.5"),
