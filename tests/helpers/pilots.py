@@ -1,12 +1,12 @@
-"""Scenes with openings as tests look at them, and a pilot that flies from corner to corner of the free way."""
+"""Scenes with openings as tests look at them, and a pilot that follows the free way."""
 
 import numpy as np
 
 from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_env.settings import build_world
 
-# m/s for each metre to the next corner.
-GAIN = 2.0
+# m/s for each metre to the point that is followed; m between the points of a way.
+GAIN, SPACING = 2.0, 0.02
 
 
 def world_of(name, integers, **keywords):
@@ -27,20 +27,27 @@ def clearances(shapes, points, vehicle):
     return np.min([shape.distance(points) for shape in shapes], axis=0) - vehicle
 
 
-def fly(env, scene, near, steps=600):
-    """The last info of a flight that turns within ``near`` of each corner, and whether a stop was always stored."""
+def fly(env, scene, ahead, steps=1000):
+    """The last info of a flight after a point so far ahead on the free way, and whether a stop was always stored."""
     _, info = env.reset(options={"scene": scene})
     plant = env.unwrapped
-    corners, k, was_certified = plant.way, 1, True
-    scale = plant.action_scale[0]
+    points, at, was_certified = spaced(plant.way), 0, True
     for _ in range(steps):
         r = plant.state[:3]
-        if k < len(corners) - 1 and np.linalg.norm(corners[k] - r) < near:
-            k += 1
-        action = np.append(GAIN * (corners[k] - r) / scale, 0.0)
-        size = np.abs(action).max()
-        _, _, terminated, truncated, info = env.step(np.float32(action / max(size, 1.0)))
+        # The nearest point, but none that would leave a part of the way out.
+        at += int(np.linalg.norm(points[at : at + 8] - r, axis=1).argmin())
+        target = points[min(at + round(ahead / SPACING), len(points) - 1)]
+        action = np.append(GAIN * (target - r) / plant.action_scale[0], 0.0)
+        _, _, terminated, truncated, info = env.step(action.astype(np.float32))
         was_certified &= info["shield"]["certified"]
         if terminated or truncated:
             break
     return info, was_certified
+
+
+def spaced(corners):
+    """Points of the way through corners, ``SPACING`` apart."""
+    lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
+    legs = zip(corners, corners[1:], lengths, strict=False)
+    parts = [a + np.arange(0.0, 1.0, SPACING / length)[:, None] * (b - a) for a, b, length in legs]
+    return np.vstack([*parts, corners[-1]])
