@@ -183,10 +183,10 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
     @property
     def way(self) -> NDArray[np.float64]:
-        """The corners (W, 3) of a way from start to goal, m; in rooms and gates one that is free.
+        """The corners (W, 3) of a way from start to goal, m, free by construction in rooms and gates.
 
-        What it keeps free of obstacles is told in ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates``;
-        elsewhere it is the straight one, whatever is in it.
+        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it is the
+        straight one, whatever is in it.
         """
         return self._world.way_of(0)
 

@@ -117,7 +117,7 @@ def fly_among(block, first, count, plant, rotors, around):
 
 @kernel
 def follow_way(block, i, openings):
-    """Lane i on its way: what is next is what it is paid to near, and until that is the goal it is not there."""
+    """Lane i on its way: what is next is what it is paid to near; until that is the goal it has not arrived."""
     if openings.size == 0:
         return
     block[LANES * (TABLE + DISTANCE) + i] += go_on(openings, lane_triple(block, U(i)))

@@ -2,7 +2,7 @@
 
 The vehicle flies from one half of the room through the opening into the other. The way from the start over two
 points before and behind the opening, on its axis, to the goal keeps ``CORRIDOR`` clear of everything beyond the
-vehicle's radius, and between the two points half of what the opening is wider than the vehicle.
+vehicle's radius; between the two points that, or half of what the opening is wider than the vehicle, if less.
 """
 
 import math
@@ -119,7 +119,8 @@ def write_walls(cores, centers, room):
         )
         half = room.half
         write3(centers[k], (half[0] * x, half[1] * y, half[2] * z))
-        write_wall(cores[k], (-x, -y, -z))
+        # Not −x: a zero has no sign then.
+        write_wall(cores[k], (0.0 - x, 0.0 - y, 0.0 - z))
 
 
 @inline_kernel

@@ -4,6 +4,7 @@ import numpy as np
 
 from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_env.settings import build_world
+from quadsafe_env.tasks.reward import EFFORT_WEIGHT
 
 # m/s for each metre to the point that is followed; m between the points of a way.
 GAIN, SPACING = 2.0, 0.02
@@ -27,22 +28,28 @@ def clearances(shapes, points, vehicle):
     return np.min([shape.distance(points) for shape in shapes], axis=0) - vehicle
 
 
-def fly(env, scene, ahead, steps=1000):
-    """The last info of a flight after a point so far ahead on the free way, and whether a stop was always stored."""
+def fly(env, scene, ahead, corners=None):
+    """Fly after a point so far ahead on the free way, or on another one.
+
+    Returns:
+        The last info, whether a stop was always stored, and what was paid without the effort.
+    """
     _, info = env.reset(options={"scene": scene})
     plant = env.unwrapped
-    points, at, was_certified = spaced(plant.way), 0, True
-    for _ in range(steps):
+    points, at = spaced(plant.way if corners is None else corners), 0
+    was_certified, paid = True, 0.0
+    while True:
         r = plant.state[:3]
         # The nearest point, but none that would leave a part of the way out.
         at += int(np.linalg.norm(points[at : at + 8] - r, axis=1).argmin())
         target = points[min(at + round(ahead / SPACING), len(points) - 1)]
         action = np.append(GAIN * (target - r) / plant.action_scale[0], 0.0)
-        _, _, terminated, truncated, info = env.step(action.astype(np.float32))
+        action = np.clip(action, -1.0, 1.0).astype(np.float32)
+        _, reward, terminated, truncated, info = env.step(action)
         was_certified &= info["shield"]["certified"]
+        paid += reward + EFFORT_WEIGHT * float(np.sum(np.float64(action) ** 2))
         if terminated or truncated:
-            break
-    return info, was_certified
+            return info, was_certified, paid
 
 
 def spaced(corners):
