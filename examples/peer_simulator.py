@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.shapes import Obstacles
-from shields import Shield
+from shields import Obstacles, Shield
 
 PERIOD, SECONDS = 0.01, 8.0
 START, GOAL = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])

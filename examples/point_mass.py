@@ -7,8 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from quadsafe_core.shapes import Obstacles
-from shields import Shield
+from shields import Obstacles, Shield
 
 PERIOD, GOAL = 0.02, np.array([2.0, 0.0, 0.0])
 CENTER, RADIUS = np.zeros((1, 3)), np.array([0.5])

@@ -152,7 +152,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return observation, reward, terminated, False, info
 
     def render(self):
-        """An RGB frame (480, 480, 3) in the mode "rgb_array"; None otherwise, "human" shows by itself."""
+        """A frame (render_size, render_size, 3) in the mode "rgb_array", else None: "human" shows by itself."""
         return self._world.picture(0) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:

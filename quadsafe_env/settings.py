@@ -12,6 +12,7 @@ from quadsafe_core.checks import finite_array, one_of, positive_integer, real_ar
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
+from quadsafe_env.pictures.camera import camera_from, picture_size
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.scene_settings import furnished
 from quadsafe_env.simulation.rates import Rates
@@ -77,6 +78,8 @@ def build_world(
     boxes: int | None = None,
     rotor_limits: bool = False,
     conditions=None,
+    render_size: int = 480,
+    camera=None,
 ) -> World:
     """A world of ``n`` rows.
 
@@ -102,6 +105,9 @@ def build_world(
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
             desired yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
+        render_size: side of pictures, pixels, 32 to 2048.
+        camera: where pictures are seen from: a mapping of some of azimuth, elevation (degrees), distance (m),
+            follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the way from start to goal.
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
@@ -131,6 +137,9 @@ def build_world(
         "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
         "rotor_limits": _flag("rotor_limits", rotor_limits),
     }
+    looks = {"camera": camera_from(camera), "size": picture_size("render_size", render_size)}
+    if render_mode is not None:
+        kept |= looks
     met = conditions_from(conditions)
     if met == OFF:
         return WORLDS[render_mode](n, drawn, vehicle, **kept)

@@ -1,5 +1,6 @@
 """Shapes with flat sides: boxes, hulls of points, half-spaces."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -110,10 +111,9 @@ class HalfSpace(Shape):
         if self.velocity != AT_REST:
             raise ValueError(f"velocity of a half-space must be zero, got {self.velocity}")
         normal, offset = np.array(point("normal", self.normal)), length("offset", self.offset, -LARGEST)
-        size = np.abs(normal).max()
-        if size == 0.0:
+        stretch = math.hypot(*normal.tolist())
+        if stretch == 0.0:
             raise ValueError(f"normal must be a vector of a length > 0, got {self.normal}")
-        stretch = float(size * np.linalg.norm(normal / size))
         if abs(stretch - 1.0) > ROUNDING:
             normal, offset = normal / stretch, length("offset / ‖normal‖", offset / stretch, -LARGEST)
         keep(self, normal=tuple(normal.tolist()), offset=offset)
@@ -121,7 +121,7 @@ class HalfSpace(Shape):
     def body(self) -> Body:
         """A plane through its point nearest to the origin."""
         normal = np.array(self.normal)
-        return Body(HALF_SPACE, self.offset * normal, 0.0, frame_along(normal))
+        return Body(HALF_SPACE, self.offset * normal, 0.0, frame_along(self.normal))
 
     @classmethod
     def of_body(cls, body: Body, velocity: Sequence[float]) -> "HalfSpace":

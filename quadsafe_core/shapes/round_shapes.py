@@ -154,11 +154,9 @@ class Ellipsoid(Shape):
 def _between(start: Point, end: Point) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """The middle of a segment, axes of which the first is along it, and half its length."""
     half = (np.array(end) - start) / 2
-    # By its size first, as the squares of what is short are no floats.
-    size = np.abs(half).max()
-    along = half / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-    stretch = np.linalg.norm(along)
-    return start + half, frame_along(along / stretch), float(size * stretch)
+    length = math.hypot(*half.tolist())
+    along = (half / length).tolist() if length > 0.0 else (1.0, 0.0, 0.0)
+    return start + half, frame_along(along), length
 
 
 def _ends(body: Body) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

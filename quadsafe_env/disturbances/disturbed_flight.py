@@ -201,17 +201,17 @@ def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_
         load_rows(block, first, count, rows.state, scenes)
         load_flown(block, first, count, weather)
         open_period(block, first, count, rows.table, plant.yaw)
-        open_around(around, block, count)
+        open_around(around, count)
         for lane in range(count):
             row = first + lane
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
                 fly_row(block, lane, row, (spheres, around), (plant, rotors, d), weather[row])
         if body_memory is None:
             close_period(block, gaps, first, count, spheres, plant, rows)
+            if closes:
+                close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
         else:
             close_period_among(block, gaps, first, count, around, plant, rows)
-        if closes and body_memory is None:
-            close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
-        elif closes:
-            close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
+            if closes:
+                close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
         store_table(block, first, rows.table)
