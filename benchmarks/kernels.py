@@ -85,13 +85,14 @@ def here() -> dict[str, float]:
     from shield import PERIOD, corrected, median, scene
 
     from quadsafe_core.kernels.lanes import aligned_rows
+    from quadsafe_core.shapes import Obstacles
     from quadsafe_env.vehicle.dynamics import step
     from quadsafe_env.vehicle.state import hover_state
     from shields import Shield
 
     def call(flat, center, radius, snap) -> float:
-        shield = Shield()
-        return median(lambda: shield.filter(flat, center, radius, snap, PERIOD).snap)
+        shield, spheres = Shield(), Obstacles.spheres(center, radius)
+        return median(lambda: shield.filter(flat, spheres, snap, PERIOD).snap)
 
     rng, times = np.random.default_rng(0), {}
     states, wrenches = aligned_rows(4096, 20), np.zeros((4096, 4))

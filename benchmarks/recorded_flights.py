@@ -18,6 +18,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 
 IDS = ("QuadSafe/Flight-v0", "QuadSafe/Avoid-v0", "QuadSafe/Forest-v0")
@@ -96,11 +97,12 @@ def world(name: str, rows: int, is_shielded: bool, settings: Mapping[str, Any]) 
 def filtered(name: str) -> str:
     """The digest of a shield of these settings, in a loop with an exact chain."""
     digest, rng, shield, period = hashlib.sha256(), np.random.default_rng(1), Shield(**SHIELDS[name]), 0.01
-    spheres = 1 if name == "cbf" else 4
+    count = 1 if name == "cbf" else 4
     flat = rng.normal(size=(ROWS, 4, 3)) * np.array([2.0, 1.0, 1.0, 2.0])[:, None]
-    center, radius = rng.normal(size=(ROWS, spheres, 3)) * 4.0, rng.uniform(0.2, 1.0, (ROWS, spheres))
+    center, radius = rng.normal(size=(ROWS, count, 3)) * 4.0, rng.uniform(0.2, 1.0, (ROWS, count))
+    spheres = Obstacles.spheres(center, radius)
     for _ in range(LONG):
-        answer = shield.filter(flat, center, radius, rng.normal(size=(ROWS, 3)) * 100.0, period)
+        answer = shield.filter(flat, spheres, rng.normal(size=(ROWS, 3)) * 100.0, period)
         digest.update(answer.numbers.tobytes())
         for order in range(4):
             for k in range(order + 1, 5):

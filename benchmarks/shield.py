@@ -15,6 +15,7 @@ import gymnasium
 import numpy as np
 
 import quadsafe_env  # noqa: F401 - registers the ids
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper
 
 PERIOD = 0.02
@@ -52,17 +53,18 @@ def corrected() -> tuple[np.ndarray, ...]:
     """One plant whose snap the shield changes and then certifies."""
 
     flat, center, radius, snap = plants = scene(4096, 1)
-    answer = Shield().filter(flat, center, radius, snap, PERIOD)
+    answer = Shield().filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
     first = np.flatnonzero(answer.intervened & ~answer.refused)[0]
     return tuple(array[first] for array in plants)
 
 
 def row(name: str, n: int, arrays: Iterable[np.ndarray]) -> str:
     """One line: time per call and per plant, plants per second, what the shield changed, the copy."""
-    shield, (flat, center, radius, snap) = Shield(), arrays
+    flat, center, radius, snap = arrays
+    shield, spheres = Shield(), Obstacles.spheres(center, radius)
     for _ in range(3):
-        answer = shield.filter(flat, center, radius, snap, PERIOD)
-    took = median(lambda: shield.filter(flat, center, radius, snap, PERIOD).snap)
+        answer = shield.filter(flat, spheres, snap, PERIOD)
+    took = median(lambda: shield.filter(flat, spheres, snap, PERIOD).snap)
     copied = median(lambda: [array.copy() for array in (flat, center, radius, snap)])
     changed = 100 * float(np.mean(answer.intervened))
     numbers = (

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from shields import Shield
+from shields import Obstacles, Shield
 
 PERIOD, SECONDS = 0.01, 8.0
 START, GOAL = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.0, 0.0])
@@ -56,12 +56,12 @@ def fly(offset: tuple[float, float], shield: Shield | None) -> tuple[float, floa
     vehicle, tracker = Multirotor(quad_params), SE3Control(quad_params)
     state, flat = hovering(quad_params, START + sideways), np.zeros((4, 3))
     flat[0] = START + sideways
-    center, radius = CENTER[None], np.array([OBSTACLE + VEHICLE + ROOM])
+    sphere = Obstacles.spheres(CENTER[None], np.array([OBSTACLE + VEHICLE + ROOM]))
     clearance, error = np.inf, 0.0
     for step in range(round(SECONDS / PERIOD)):
         snap = controller(flat, GOAL + sideways)
         if shield is not None:
-            snap = shield.filter(flat, center, radius, snap, PERIOD).snap
+            snap = shield.filter(flat, sphere, snap, PERIOD).snap
         names = ("x", "x_dot", "x_ddot", "x_dddot")
         reference = {**dict(zip(names, flat, strict=True)), "x_ddddot": snap, "yaw": 0.0, "yaw_dot": 0.0}
         command = tracker.update(step * PERIOD, state, reference)

@@ -7,10 +7,11 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from shields import Shield
+from shields import Obstacles, Shield
 
 PERIOD, GOAL = 0.02, np.array([2.0, 0.0, 0.0])
 CENTER, RADIUS = np.zeros((1, 3)), np.array([0.5])
+SPHERE = Obstacles.spheres(CENTER, RADIUS)
 # From (4, 3) derivatives to those at 21 times of a period, by Taylor, and what a held snap adds.
 TIMES = np.linspace(0.0, PERIOD, 21)[:, None, None]
 ORDER = np.arange(4)[:, None] - np.arange(5)
@@ -49,7 +50,7 @@ def fly(seed: int, shield: Shield | None) -> tuple[float, bool]:
     for _ in range(400):
         snap = controller(flat)
         if shield is not None:
-            snap = shield.filter(flat, CENTER, RADIUS, snap, PERIOD).snap
+            snap = shield.filter(flat, SPHERE, snap, PERIOD).snap
         flat, _, arrived, _, info = env.step(snap)
         cost += info["cost"]
         if arrived:

@@ -10,6 +10,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.learn.episodes import EPISODE, EpisodeCounter
+from quadsafe_core.shapes import Obstacles
 
 # Names of the plant that have a leading N in the vector env and none in the single env.
 PER_ROW = ("state", "goal", "obstacles", "flat_state", "render")
@@ -153,8 +154,9 @@ class Sb3VectorEnv(VecEnv):
         rows = self._get_indices(indices)
         if name not in PER_ROW or value is None:
             return [value for _ in rows]
-        if isinstance(value, tuple) and hasattr(value, "_fields"):
-            return [type(value)(*(field[i] for field in value)) for i in rows]
+        if isinstance(value, Obstacles):
+            worlds = list(value)
+            return [Obstacles.pack(worlds[i], value.keep_out) for i in rows]
         return [value[i] for i in rows]
 
 

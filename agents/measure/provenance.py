@@ -31,8 +31,8 @@ def scene_hash(experiment: Experiment, scenes: list[int]) -> str:
     """SHA-256 of start, goal and spheres of some scenes: equal where the same is flown."""
     env: Any = make_vector_env(experiment, len(scenes), is_shielded=False)
     env.reset(options={"scene": scenes})
-    center, radius = env.unwrapped.obstacles
-    parts = (env.unwrapped.flat_state()[:, 0], env.unwrapped.goal, center, radius)
+    obstacles = env.unwrapped.obstacles
+    parts = (env.unwrapped.flat_state()[:, 0], env.unwrapped.goal, obstacles.center, obstacles.radius)
     return hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest()
 
 

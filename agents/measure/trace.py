@@ -99,7 +99,8 @@ def chosen_scene(run: Run) -> tuple[str, int, int] | None:
 
 def _scene(env: Any) -> dict[str, Any]:
     plant = env.unwrapped
-    center, radius = plant.obstacles
+    obstacles = plant.obstacles
+    center, radius = obstacles.center, obstacles.radius
     present = radius > 0.0
     return {
         "start": plant.flat_state()[0].tolist(),

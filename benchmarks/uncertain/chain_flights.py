@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, Uncertainty
 
 Array = NDArray[np.float64]
@@ -149,6 +150,7 @@ def fly(
     """
     rng, period = np.random.default_rng([seed, rate]), 1.0 / rate
     x, center, radius = start(rng, n)
+    spheres = Obstacles.spheres(center, radius)
     shield = Shield(**settings) if declared is None else Shield(uncertainty=declared, **settings)
     errors, policy = Errors(rng, n, actual, period), Policy(rng, n, center, period)
     queue = np.zeros((n, actual.delay + 1, 3))
@@ -160,7 +162,7 @@ def fly(
         away = nearest_away(x, center, radius)
         noise, push, gain, wind = errors.next(away)
         estimate = x + noise
-        answer = shield.filter(estimate, center, radius, policy.snaps(estimate, away), period)
+        answer = shield.filter(estimate, spheres, policy.snaps(estimate, away), period)
         snap = answer.snap.copy()
         if actual.losses and step > 0:
             lost = rng.random(n) < LOSS

@@ -6,11 +6,12 @@ same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its 
 is where the control points are.
 """
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector
 from quadsafe_core.shapes.distance import nearest_point
 from shields.chains.flat_state import Flat, flown  # noqa: F401 - Flat was imported from here before
-from shields.interface.bodies import ROUNDS, core_stays_away, distance_from, facing, is_there, own_core, raised
+from shields.interface.bodies import ROUNDS, core_stays_away, distance_from, facing, is_there, raised
 from shields.interface.records import ThrustBand  # noqa: F401 - it was imported from here before
 
 # An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
@@ -65,15 +66,15 @@ def nearest_on_chord(start, end):
 def piece_clears_core(core, points, center, drift, radius):
     """``piece_clears`` of a core of more than a point: the plane is turned towards its nearest point."""
     start, end = subtract(points[0], center), subtract(points[4], add(center, drift))
-    nearest = nearest_point(core.record, core.numbers, start)
+    nearest = nearest_point(core[0], core[1], start)
     for _ in range(ROUNDS):
         way = nearest_on_chord(subtract(start, nearest), subtract(end, nearest))
         n = facing(core, way)
         if is_separated(core, n, norm(n), points, center, drift, radius):
             return True
-        nearest = nearest_point(core.record, core.numbers, add(nearest, way))
+        nearest = nearest_point(core[0], core[1], add(nearest, way))
     middle = subtract(points[2], combined(center, 0.5, drift))
-    n = facing(core, subtract(middle, nearest_point(core.record, core.numbers, middle)))
+    n = facing(core, subtract(middle, nearest_point(core[0], core[1], middle)))
     return is_separated(core, n, norm(n), points, center, drift, radius)
 
 
@@ -124,7 +125,7 @@ def look_at_pieces(x, snap, start, d, pieces, bodies, band):
             return HIT if thrust_leaves(accelerations[2], band) else UNSURE
         points = position_points(y, snap, d)
         for k in range(bodies.keep_out.shape[0]):
-            core, keep_out = own_core(bodies.cores, k), bodies.keep_out[k]
+            core, keep_out = entry_at(bodies.cores, k), bodies.keep_out[k]
             if is_there(core, keep_out):
                 velocity = vector(bodies.velocity[k])
                 center = combined(vector(bodies.center[k]), start + piece * d, velocity)
@@ -166,7 +167,7 @@ def stays_away(core, gap, closing, keep_out):
 def rest_is_clear(x, start, bodies):
     """Whether a vehicle that moves on at its velocity from time ``start`` keeps clear for ever."""
     for k in range(bodies.keep_out.shape[0]):
-        core, drift = own_core(bodies.cores, k), vector(bodies.velocity[k])
+        core, drift = entry_at(bodies.cores, k), vector(bodies.velocity[k])
         if is_there(core, bodies.keep_out[k]):
             gap = subtract(x.r, combined(vector(bodies.center[k]), start, drift))
             if not stays_away(core, gap, subtract(x.v, drift), bodies.keep_out[k]):

@@ -15,6 +15,7 @@ checked again, against the bodies and the vehicle as they are by then.
 import math
 from typing import NamedTuple
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
 from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
@@ -32,7 +33,7 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
-from shields.interface.bodies import as_one_row, is_there, own_core
+from shields.interface.bodies import as_one_row, is_there
 from shields.interface.records import (
     FlightLimits,  # noqa: F401 - it was imported from here before
     MovingBodies,
@@ -115,7 +116,7 @@ def adopt_stop(plan, x, start, period, bodies, limits):
     """
     for k in range(-1, bodies.keep_out.shape[0]):
         frame = NOTHING if k < 0 else vector(bodies.velocity[k])
-        if k < 0 or (frame != NOTHING and is_there(own_core(bodies.cores, k), bodies.keep_out[k])):
+        if k < 0 or (frame != NOTHING and is_there(entry_at(bodies.cores, k), bodies.keep_out[k])):
             choice = clear_length(x, start, frame, plan["choice"], period, bodies, limits)
             if choice >= 0:
                 write_stop(plan, x, frame, choice, period)

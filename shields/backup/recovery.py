@@ -7,11 +7,12 @@ poles: from rest it never gets faster than that. What it moves with at the start
 
 import math
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, subtract, vector
 from shields.backup.stored_stop import NOTHING, within_ball
 from shields.chains.radial import line_of_sight
-from shields.interface.bodies import distance_from, is_there, look_at, outward, own_core, widened
+from shields.interface.bodies import distance_from, is_there, look_at, outward, widened
 from shields.interface.row_checks import braking
 
 # Relative to the body that is left, m/s; triple pole of the feedback on (v, a, j), 1/s.
@@ -46,7 +47,7 @@ def length_of_way(point, way, bodies, margin):
     for _ in range(bodies.keep_out.shape[0]):
         begin = far
         for k in range(bodies.keep_out.shape[0]):
-            core = own_core(bodies.cores, k)
+            core = entry_at(bodies.cores, k)
             if is_there(core, bodies.keep_out[k]):
                 gap = subtract(combined(point, far, way), vector(bodies.center[k]))
                 far += length_out_of(core, gap, way, widened(core, bodies.keep_out[k], margin))
@@ -64,7 +65,7 @@ def nearest_exit(point, bodies, margin):
     """
     best, shortest, deepest, depth, away = AXES[0], math.inf, -1, 0.0, NOTHING
     for k in range(bodies.keep_out.shape[0]):
-        core, gap = own_core(bodies.cores, k), subtract(point, vector(bodies.center[k]))
+        core, gap = entry_at(bodies.cores, k), subtract(point, vector(bodies.center[k]))
         keep, (distance, way) = widened(core, bodies.keep_out[k], margin), look_at(core, gap)
         if is_there(core, bodies.keep_out[k]) and distance < keep:
             away = add(away, outward(core, gap))
@@ -98,7 +99,7 @@ def recovery_snap(x, bodies, settings, tube, fact):
     way, k = nearest_exit(x.r, bodies, settings.margin)
     if k < 0:
         return NOTHING, False
-    core, bare = own_core(bodies.cores, k), bodies.keep_out[k]
+    core, bare = entry_at(bodies.cores, k), bodies.keep_out[k]
     gap, drift = subtract(x.r, vector(bodies.center[k])), vector(bodies.velocity[k])
     if tube is not None:
         bare -= tube.vehicle
@@ -112,7 +113,7 @@ def recovery_snap(x, bodies, settings, tube, fact):
 def is_within(x, bodies):
     """Whether the vehicle is inside a body."""
     for k in range(bodies.keep_out.shape[0]):
-        core = own_core(bodies.cores, k)
+        core = entry_at(bodies.cores, k)
         gap = subtract(x.r, vector(bodies.center[k]))
         if is_there(core, bodies.keep_out[k]) and distance_from(core, gap) < bodies.keep_out[k]:
             return True

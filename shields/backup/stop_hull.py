@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
 from quadsafe_core.shapes.distance import nearest_point
 from shields.backup.arcs import nearest_on_chord
 from shields.backup.stored_stop import SEGMENTS
 from shields.chains.flat_state import Flat
-from shields.interface.bodies import ROUNDS, core_at, core_stays_away, facing, is_there, raised, widened
+from shields.interface.bodies import ROUNDS, core_stays_away, facing, is_there, raised, widened
 
 
 class Stop(NamedTuple):
@@ -140,23 +141,31 @@ def moves_away(core, gap, velocity, keep):
     return norm(combined(gap, -ahead, velocity)) >= keep
 
 
-@inline_kernel
-def one_plane_does(core, keep, way, drift, attempt, stop):
-    """Whether one plane keeps period and stop away from a core; ``way``: gaps where they begin and end.
-
-    It lies across the direction in which a straight flight to the end of the stop comes nearest, for a core of
-    more than a point turned towards its nearest point a few times.
-    """
+@kernel
+def turned_plane_does(core, keep, way, drift, attempt, stop):
+    """``one_plane_does`` with a plane that is turned towards the nearest point of the core, a few times."""
     gap, at_rest = way
-    if core is None:
-        return plane_separates(core, nearest_on_chord(gap, at_rest), keep, gap, drift, attempt, stop)
-    nearest = nearest_point(core.record, core.numbers, gap)
+    nearest = nearest_point(core[0], core[1], gap)
     for _ in range(ROUNDS):
         n = nearest_on_chord(subtract(gap, nearest), subtract(at_rest, nearest))
         if plane_separates(core, facing(core, n), keep, gap, drift, attempt, stop):
             return True
-        nearest = nearest_point(core.record, core.numbers, add(nearest, n))
+        nearest = nearest_point(core[0], core[1], add(nearest, n))
     return False
+
+
+@inline_kernel
+def one_plane_does(core, keep, way, drift, attempt, stop):
+    """Whether one plane keeps period and stop away from a core; ``way``: gaps where they begin and end.
+
+    It lies across the direction in which a straight flight to the end of the stop comes nearest to the centre.
+    """
+    gap, at_rest = way
+    n = facing(core, nearest_on_chord(gap, at_rest))
+    does = plane_separates(core, n, keep, gap, drift, attempt, stop)
+    if core is not None and not does:
+        return turned_plane_does(core, keep, way, drift, attempt, stop)
+    return does
 
 
 @inline_kernel
@@ -166,7 +175,7 @@ def bodies_are_clear(i, attempt, stop, bodies, share):
     end = add(attempt.after.r, weighted(POSITION, POSITION.shape[0] - 1, stop))
     duration = attempt.period + SEGMENTS * stop.h
     for k in range(radius.shape[1]):
-        core = core_at(bodies.cores, i, k)
+        core = entry_at(bodies.cores, (i, k))
         if is_there(core, radius[i, k]):
             c, drift = triple(bodies.center, i, k), triple(bodies.velocity, i, k)
             keep, gap = widened(core, radius[i, k], share), subtract(attempt.x.r, c)

@@ -10,9 +10,8 @@ compiled. A half-space has one direction only, its normal. Positions ``gap`` are
 
 from typing import NamedTuple
 
-import numpy as np
-
 from quadsafe_core.kernels.borrow import one_row
+from quadsafe_core.kernels.choice import none_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, subtract
 from quadsafe_core.shapes.cores import CORE, HALF_SPACE, SPHERE, Cores, cores_of
@@ -33,19 +32,12 @@ ROUNDING, ROUNDING_SHARE = 1e-9, 1e-14
 UPRIGHT = 1e-12
 
 
-class Core(NamedTuple):
-    """One ``CORE`` and the numbers of the hulls of its world."""
-
-    record: np.void
-    numbers: np.ndarray
-
-
 class Kept(NamedTuple):
     """What to keep of a body: a distance, m; its margin, m, None among spheres alone; its ``Core``."""
 
     distance: float
     spare: float | None
-    core: Core | None
+    core: tuple | None
 
 
 @inline_kernel
@@ -63,50 +55,28 @@ def are_cores_of(cores, n, k):
     return cores.shape[0] >= n * k * CORE_SIZE
 
 
-@inline_kernel
-def packed_bodies(center, radius, velocity, cores):
-    """``Bodies`` of arrays and the bytes behind them."""
-    if cores is None:
-        return Bodies(center, velocity, radius, None)
-    return Bodies(center, velocity, radius, cores_of(cores, radius.shape[0], radius.shape[1]))
+@none_without
+def unpacked(cores, n, k):
+    """The cores of N worlds of K bodies in the bytes of ``Obstacles``."""
+    return cores_of(cores, n, k)
 
 
-@inline_kernel
-def core_at(cores, i, k):
-    """Core of body k of world i; None among spheres alone."""
-    if cores is None:
-        return None
-    return Core(cores.core[i, k], cores.numbers)
-
-
-@inline_kernel
-def own_core(cores, k):
-    """Core of body k of one world; None among spheres alone."""
-    if cores is None:
-        return None
-    return Core(cores.core[k], cores.numbers)
-
-
-@inline_kernel
-def cores_of_row(i, cores):
+@none_without
+def cores_of_row(cores, i):
     """The cores of world i."""
-    if cores is None:
-        return None
     return Cores(cores.core[i], cores.numbers)
 
 
-@inline_kernel
+@none_without
 def cores_as_one_row(cores):
     """The cores of one world as those of a batch of one."""
-    if cores is None:
-        return None
     return Cores(one_row(cores.core), cores.numbers)
 
 
 @inline_kernel
 def bodies_of_row(i, bodies):
     """The bodies of row i, with their radii as the distances to keep."""
-    return MovingBodies(bodies.center[i], bodies.velocity[i], bodies.radius[i], cores_of_row(i, bodies.cores))
+    return MovingBodies(bodies.center[i], bodies.velocity[i], bodies.radius[i], cores_of_row(bodies.cores, i))
 
 
 @inline_kernel
@@ -121,23 +91,21 @@ def is_there(core, radius):
     """Whether there is a body: a sphere of radius 0 is none."""
     if core is None:
         return radius > 0.0
-    kind = core.record["kind"]
+    kind = core[0]["kind"]
     return kind > SPHERE or (kind == SPHERE and radius > 0.0)
 
 
 @inline_kernel
 def widened(core, radius, share):
     """The distance to keep with a share of a margin on top, m."""
-    if core is None or core.record["kind"] == SPHERE:
+    if core is None or core[0]["kind"] == SPHERE:
         return (1 + share) * radius
     return radius + share * MARGIN_LENGTH
 
 
-@inline_kernel
+@none_without
 def spare_of(core, radius, share):
     """A share of the margin, m; None among spheres alone, where it is a factor."""
-    if core is None:
-        return None
     return widened(core, radius, share) - radius
 
 
@@ -146,15 +114,15 @@ def raised(core, n, distance):
     """ρ + h(n), which n·(r − c) has to reach; for n of length ‖n‖ both are so many times larger."""
     if core is None:
         return distance
-    return distance + support_height(core.record, core.numbers, n)
+    return distance + support_height(core[0], core[1], n)
 
 
 @inline_kernel
 def facing(core, n):
     """A direction that the body allows: n, or the unit normal of a half-space, which has no other."""
-    if core is None or core.record["kind"] != HALF_SPACE:
+    if core is None or core[0]["kind"] != HALF_SPACE:
         return n
-    axes = core.record["axes"]
+    axes = core[0]["axes"]
     return (axes[0, 0], axes[0, 1], axes[0, 2])
 
 
@@ -164,7 +132,7 @@ def look_at(core, gap):
     if core is None:
         distance, n, _ = line_of_sight(gap)
         return distance, n
-    return signed_distance(core.record, core.numbers, gap)
+    return signed_distance(core[0], core[1], gap)
 
 
 @inline_kernel
@@ -172,7 +140,7 @@ def outward(core, gap):
     """A direction away from the core, of any length."""
     if core is None:
         return gap
-    return signed_distance(core.record, core.numbers, gap)[1]
+    return signed_distance(core[0], core[1], gap)[1]
 
 
 @inline_kernel
@@ -180,7 +148,7 @@ def distance_from(core, gap):
     """Distance from the core, m, negative inside."""
     if core is None:
         return norm(gap)
-    return signed_distance(core.record, core.numbers, gap)[0]
+    return signed_distance(core[0], core[1], gap)[0]
 
 
 @kernel
@@ -190,7 +158,7 @@ def core_stays_away(core, gap, closing, keep):
     The plane stands across the way from the core to the ray, and does not lean against it: n·gap ≥ ρ‖n‖ + h(n)
     and n·closing ≥ 0 are enough.
     """
-    speed, nearest = dot(closing, closing), nearest_point(core.record, core.numbers, gap)
+    speed, nearest = dot(closing, closing), nearest_point(core[0], core[1], gap)
     if not speed > 0.0:
         return distance_from(core, gap) >= keep
     for _ in range(ROUNDS):
@@ -201,5 +169,5 @@ def core_stays_away(core, gap, closing, keep):
         is_upright = dot(n, closing) >= -UPRIGHT * length * norm(closing)
         if is_upright and length > 0.0 and dot(n, gap) >= raised(core, n, keep * length):
             return True
-        nearest = nearest_point(core.record, core.numbers, add(nearest, way))
+        nearest = nearest_point(core[0], core[1], add(nearest, way))
     return False

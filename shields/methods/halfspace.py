@@ -162,10 +162,10 @@ def way_past(core, x):
     """From the core to the point of its closest approach, any length; x is relative to the centre."""
     if core is None:
         return closest_approach(x.r, x.v)
-    nearest, point = nearest_point(core.record, core.numbers, x.r), x.r
+    nearest, point = nearest_point(core[0], core[1], x.r), x.r
     for _ in range(ROUNDS):
         point = add(nearest, closest_approach(subtract(x.r, nearest), x.v))
-        nearest = nearest_point(core.record, core.numbers, point)
+        nearest = nearest_point(core[0], core[1], point)
     return look_at(core, point)[1]
 
 

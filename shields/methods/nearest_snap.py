@@ -8,12 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, vector, write3
 from quadsafe_core.maths.projection import project
 from shields.backup.stored_stop import NOTHING, within_ball
 from shields.chains.flat_state import Flat
-from shields.interface.bodies import Kept, core_at, is_there, look_at, own_core, spare_of, widened
+from shields.interface.bodies import Kept, is_there, look_at, spare_of, widened
 from shields.interface.records import Demand
 from shields.methods.authority_limits import LIMITS, limit_demand
 from shields.methods.halfspace import closing_along, demand_along, distance_demand, excess
@@ -61,12 +62,6 @@ def direction(half_space):
     return (n[0], n[1], n[2])
 
 
-@inline_kernel
-def to_keep(core, radius, margin):
-    """What to keep of a body: its radius and the margin."""
-    return Kept(widened(core, radius, margin), spare_of(core, radius, margin), core)
-
-
 @kernel
 def choose_directions(i, x, wanted, bodies, chosen, settings, fact):
     """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all bodies.
@@ -75,11 +70,11 @@ def choose_directions(i, x, wanted, bodies, chosen, settings, fact):
     """
     radius, is_cut, is_outside = bodies.radius, False, True
     for k in range(radius.shape[1]):
-        core = core_at(bodies.cores, i, k)
+        core = entry_at(bodies.cores, (i, k))
         if is_there(core, radius[i, k]):
             y = relative_to(x, triple(bodies.center, i, k), triple(bodies.velocity, i, k))
-            n, kept = chosen[k]["n"], to_keep(core, radius[i, k], settings.margin)
-            distance, sight = look_at(core, y.r)
+            n, margin, (distance, sight) = chosen[k]["n"], settings.margin, look_at(core, y.r)
+            kept = Kept(widened(core, radius[i, k], margin), spare_of(core, radius[i, k], margin), core)
             demand = distance_demand(y, sight, direction(chosen[k]), wanted, kept, settings.sampling)
             n[0], n[1], n[2] = demand.n
             chosen[k]["least"] = demand.least
@@ -118,11 +113,12 @@ def cut(x, u, bodies, row, settings, half_spaces, most):
     keep_out, sampling = bodies.keep_out, settings.sampling
     is_cut, most = cut_by_limits(x, u, sampling, sampling.authority, half_spaces, row.fact, most)
     for k in range(keep_out.shape[0]):
-        core = own_core(bodies.cores, k)
+        core = entry_at(bodies.cores, k)
         if is_there(core, keep_out[k]):
             y = relative_to(x, vector(bodies.center[k]), vector(bodies.velocity[k]))
             if half_spaces.offsets[k] == -math.inf:
-                kept = to_keep(core, keep_out[k], settings.margin)
+                margin, radius = settings.margin, keep_out[k]
+                kept = Kept(widened(core, radius, margin), spare_of(core, radius, margin), core)
                 demand = demand_along(direction(row.chosen[k]), y, u, kept, sampling)
                 if enter(half_spaces, k, demand, u):
                     is_cut, most = True, note_demand(demand, u, k, most, row.fact)
@@ -137,7 +133,7 @@ def cut_as_chosen(wanted, bodies, row, half_spaces):
     """Enter the half-spaces that ``choose_directions`` has found the wanted snap outside of."""
     most = 0.0
     for k in range(bodies.keep_out.shape[0]):
-        if is_there(own_core(bodies.cores, k), bodies.keep_out[k]):
+        if is_there(entry_at(bodies.cores, k), bodies.keep_out[k]):
             demand = Demand(direction(row.chosen[k]), row.chosen[k]["least"], 0.0, True)
             if enter(half_spaces, k, demand, wanted):
                 most = note_demand(demand, wanted, k, most, row.fact)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector
 from shields.backup.certificate import (
@@ -27,7 +28,6 @@ from shields.interface.bodies import (
     bodies_of_row,
     distance_from,
     is_there,
-    own_core,
     rounding_at,
     widened,
 )
@@ -74,7 +74,7 @@ def distances_to_keep(plan, x, bodies, settings, tube):
     off = norm(subtract(ref.r, x.r))
     ahead, stored, bare = np.zeros(count), np.zeros(count), np.zeros(count)
     for k in range(count):
-        core, radius = own_core(bodies.cores, k), bodies.keep_out[k]
+        core, radius = entry_at(bodies.cores, k), bodies.keep_out[k]
         # An absent sphere stays one.
         if is_there(core, radius):
             here, stored[k] = standing_distances(core, radius, x.r, vector(bodies.center[k]))

@@ -10,8 +10,8 @@ from quadsafe_core.kernels.borrow import borrowed, one_row
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.stored_stop import PLAN
-from shields.interface.bodies import are_cores_of, packed_bodies
-from shields.interface.records import Measured
+from shields.interface.bodies import are_cores_of, unpacked
+from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
@@ -42,7 +42,7 @@ def sampled_batch(flat, center, radius, snap, cores, memory, kind, out):
         return BAD_SHAPES
     held, _ = sampled_memory(memory, n, k)
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
-    bodies = packed_bodies(borrowed(center), borrowed(radius), held.velocities, cores)
+    bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
     measured = Measured(borrowed(flat), bodies, borrowed(snap))
     code = checked_rows(measured, n, k)
     for i in range(n):

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, one_row, taken
+from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, subtract, triple, vector, write3
 from shields.backup.arcs import CLEAR, HIT, look_at_arc
@@ -23,11 +24,9 @@ from shields.chains.flat_state import flat_of, flown, write_flat
 from shields.interface.bodies import (
     are_cores_of,
     bodies_of_row,
-    core_at,
     distance_from,
     is_there,
-    own_core,
-    packed_bodies,
+    unpacked,
 )
 from shields.interface.records import Bodies, Measured, MovingBodies
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
@@ -69,7 +68,7 @@ def write_world_ahead(i, ahead, bodies, width, tubes):
     for k in range(radius.shape[1]):
         write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
         # An absent sphere stays one.
-        is_body = is_there(core_at(bodies.cores, i, k), radius[i, k])
+        is_body = is_there(entry_at(bodies.cores, (i, k)), radius[i, k])
         tubes.radii[i, k] = radius[i, k] + width.vehicle if is_body else 0.0
 
 
@@ -93,7 +92,7 @@ def is_here_clear(i, x, bodies, pending, chains, width, period):
     own = bodies_of_row(i, bodies)
     error, delay, count = width.estimate - width.vehicle, pending.shape[1], own.keep_out.shape[0]
     for k in range(count):
-        core, gap = own_core(own.cores, k), subtract(x.r, vector(own.center[k]))
+        core, gap = entry_at(own.cores, k), subtract(x.r, vector(own.center[k]))
         if is_there(core, own.keep_out[k]) and distance_from(core, gap) < own.keep_out[k] - error:
             return False
     if delay == 0:
@@ -101,7 +100,7 @@ def is_here_clear(i, x, bodies, pending, chains, width, period):
     is_chained, keep_out = chains[i] >= delay, np.zeros(count)
     for k in range(count):
         radius = own.keep_out[k]
-        if is_there(own_core(own.cores, k), radius):
+        if is_there(entry_at(own.cores, k), radius):
             keep_out[k] = max(radius - error, 0.0) if is_chained else radius + error
     kept = MovingBodies(own.center, own.velocity, keep_out, own.cores)
     for answer in range(delay):
@@ -133,7 +132,7 @@ def tube_batch(flat, center, radius, snap, cores, memory, kind, out):
     held, rest = sampled_memory(memory, n, k)
     tubes = tube_memory(rest, n, k, held.settings[0]["delay"])
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
-    bodies = packed_bodies(borrowed(center), borrowed(radius), held.velocities, cores)
+    bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
     measured = Measured(borrowed(flat), bodies, borrowed(snap))
     bodies_ahead = Bodies(tubes.centers, bodies.velocity, tubes.radii, bodies.cores)
     ahead = Measured(tubes.flats, bodies_ahead, measured.snap)

@@ -240,7 +240,7 @@ class Spy:
     def __init__(self):
         self.calls, self.desired = [], []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.calls.append("filter")
         self.desired.append(snap.copy())
         return Passed(snap)

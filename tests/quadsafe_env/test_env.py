@@ -214,7 +214,8 @@ def arrays_of(env, observation):
         observation,
         env.state,
         env.goal,
-        *env.obstacles,
+        env.obstacles.center,
+        env.obstacles.radius,
         env.action_scale,
         env.flat_state(),
     ]
@@ -397,8 +398,8 @@ class Spy:
     def __init__(self, answer=None):
         self.calls, self.resets, self.answer = [], [], answer
 
-    def filter(self, flat, center, radius, snap, period):
-        self.calls.append((flat.copy(), center.copy(), radius.copy(), snap.copy(), period))
+    def filter(self, flat, obstacles, snap, period):
+        self.calls.append((flat.copy(), obstacles.center.copy(), obstacles.radius.copy(), snap.copy(), period))
         return Passed(snap if self.answer is None else np.tile(self.answer, (len(snap), 1)))
 
     def reset(self, mask):

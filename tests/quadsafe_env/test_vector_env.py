@@ -267,11 +267,16 @@ def arrays_in(outcome):
     return found
 
 
+def copies_of(env):
+    """What an env hands out of its scene and state."""
+    return [env.state, env.goal, env.obstacles.center, env.obstacles.radius]
+
+
 def test_arrays_are_the_callers_own():
     rows = vector(3, max_episode_steps=4)
     calls = [arrays_in(rows.reset(seed=0))]
     for outcome in flights(rows, 9):
-        calls.append([*arrays_in(outcome), rows.state, rows.goal, *rows.obstacles, rows.flat_state()])
+        calls.append([*arrays_in(outcome), *copies_of(rows), rows.flat_state()])
     # One mask stands for all keys of a dictionary.
     every = [array for call in calls for array in {id(array): array for array in call}.values()]
     for a in range(len(every)):
@@ -280,7 +285,7 @@ def test_arrays_are_the_callers_own():
     for env in (untouched, spoiled):
         outcome = env.reset(seed=1)
         if env is spoiled:
-            for array in [*arrays_in(outcome), env.state, env.goal, *env.obstacles, env.action_scale]:
+            for array in [*arrays_in(outcome), *copies_of(env), env.action_scale]:
                 array[...] = True if array.dtype == np.bool_ else np.nan
     assert data_equivalence(flights(spoiled, 10), flights(untouched, 10), exact=True)
 
@@ -328,9 +333,9 @@ class Spy:
     def __init__(self):
         self.desired, self.resets = [], []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.desired.append(snap.copy())
-        assert flat.shape == (len(snap), 4, 3) and center.shape[:2] == radius.shape
+        assert flat.shape == (len(snap), 4, 3) and obstacles.center.shape[:2] == obstacles.radius.shape
         return Passed(np.zeros_like(snap))
 
     def reset(self, mask):

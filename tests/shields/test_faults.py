@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, VELOCITY, hover_state
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking_arcs import BrakingBounds
@@ -85,7 +86,7 @@ def test_whatever_is_asked_the_answer_is_finite_and_claims_nothing_inside_a_sphe
         period = min(max(period, 1e-3), 0.05)
     shield = Shield(**SHIELDS[name])
     for _ in range(2):
-        answer = shield.filter(flat, center, radius, snap, period, velocity=velocity)
+        answer = shield.filter(flat, Obstacles.spheres(center, radius, velocity), snap, period)
         check(answer, flat, center, radius, snap, name)
 
 
@@ -96,11 +97,16 @@ def test_a_fault_in_one_row_is_no_fault_of_another(asked, name):
     center, radius = np.zeros((len(asked), 3, 3)), np.zeros((len(asked), 3))
     for i, (_, own, radii, *_) in enumerate(asked):
         center[i, : len(own)], radius[i, : len(radii)] = own, radii
-    together = Shield(**SHIELDS[name]).filter(flat, center, radius, snap, 0.02)
+    together = Shield(**SHIELDS[name]).filter(flat, Obstacles.spheres(center, radius), snap, 0.02)
     for i in range(len(asked)):
-        alone = Shield(**SHIELDS[name]).filter(flat[i], center[i], radius[i], snap[i], 0.02)
+        alone = Shield(**SHIELDS[name]).filter(flat[i], Obstacles.spheres(center[i], radius[i]), snap[i], 0.02)
         assert alone.snap.tobytes() == together.snap[i].tobytes()
         assert alone.facts.tobytes() == together.facts[i].tobytes()
+
+
+def ask(each, flat, center, radius, snap, period=0.02):
+    """The answer of a shield, or of a slot, to what was measured."""
+    return each.filter(flat, Obstacles.spheres(center, radius), snap, period)
 
 
 @pytest.mark.parametrize("bad", BAD)
@@ -112,10 +118,10 @@ def test_a_measurement_that_is_not_finite_is_named_and_changes_nothing(what, nam
     wrong = {key: array.copy() for key, array in good.items()}
     wrong[what].flat[-1] = bad
     for each in (shield, twin):
-        each.filter(**good, snap=[10.0, 0, 0], period=0.02)
+        ask(each, **good, snap=[10.0, 0, 0])
     with pytest.raises(ValueError, match=f"{what} must be finite"):
-        shield.filter(**wrong, snap=[10.0, 0, 0], period=0.02)
-    after, expected = (each.filter(**good, snap=[20.0, 0, 0], period=0.02) for each in (shield, twin))
+        ask(shield, **wrong, snap=[10.0, 0, 0])
+    after, expected = (ask(each, **good, snap=[20.0, 0, 0]) for each in (shield, twin))
     assert after.numbers.tobytes() == expected.numbers.tobytes()
 
 
@@ -128,7 +134,7 @@ def test_a_measurement_beyond_float64_is_named(what, name):
     with pytest.raises(
         ValueError, match=rf"{what} must be small enough for float64 arithmetic, got up to 1e\+200"
     ):
-        Shield(**SHIELDS[name]).filter(**good, snap=[10.0, 0, 0], period=0.02)
+        ask(Shield(**SHIELDS[name]), **good, snap=[10.0, 0, 0])
 
 
 @pytest.mark.parametrize("period", [1e-320, 1e-120, 1e120, 1e300])
@@ -137,7 +143,9 @@ def test_a_period_beyond_float64_is_named(name, period):
     with pytest.raises(
         ValueError, match=r"period must (have powers that float64|be from 0\.0001 to 2 s|be .* at most 2)"
     ):
-        Shield(**SHIELDS[name]).filter(np.zeros((4, 3)), np.zeros((0, 3)), [], np.zeros(3), period)
+        Shield(**SHIELDS[name]).filter(
+            np.zeros((4, 3)), Obstacles.spheres(np.zeros((0, 3)), []), np.zeros(3), period
+        )
 
 
 def test_gains_are_finite_or_refused_at_every_period():
@@ -159,7 +167,7 @@ def test_a_state_beyond_reason_is_answered_and_not_searched_for_ever():
     assert climbing_periods(False, -1e12, -1e300, box) <= 2.0**52
     flat = np.array([[2.0, 0, 0], [1e16, 0, 0], [-1e20, 0, 0], [1e12, 0, 0]])
     center, radius = np.zeros((1, 3)), np.ones(1)
-    answer = Shield(authority=AUTHORITY).filter(flat, center, radius, [100.0, 0, 0], 1e-8)
+    answer = Shield(authority=AUTHORITY).filter(flat, Obstacles.spheres(center, radius), [100.0, 0, 0], 1e-8)
     check(answer, flat, center, radius, np.array([100.0, 0, 0]), "authority")
 
 
@@ -167,10 +175,10 @@ def test_a_state_beyond_reason_is_answered_and_not_searched_for_ever():
 def test_a_sphere_that_jumps_onto_the_vehicle_takes_the_certificate_with_it(name):
     shield, flat, snap = Shield(**SHIELDS[name]), np.zeros((4, 3)), np.zeros(3)
     away, here, radius = np.array([[3.0, 0, 0]]), np.array([[0.1, 0, 0]]), np.array([0.5])
-    assert shield.filter(flat, away, radius, snap, 0.02).certified
-    caught = shield.filter(flat, here, radius, snap, 0.02)
+    assert shield.filter(flat, Obstacles.spheres(away, radius), snap, 0.02).certified
+    caught = shield.filter(flat, Obstacles.spheres(here, radius), snap, 0.02)
     assert not caught.certified and caught.fallback and not caught.in_set and caught.snap[0] < 0.0
-    assert shield.filter(flat, away, radius, snap, 0.02).certified
+    assert shield.filter(flat, Obstacles.spheres(away, radius), snap, 0.02).certified
 
 
 @pytest.mark.parametrize("name", ["sampled", "authority"])
@@ -179,7 +187,7 @@ def test_a_sphere_that_overtakes_is_claimed_to_be_clear_only_where_it_is(name):
     center, velocity, radius = np.array([[-2.0, 0, 0]]), np.array([[40.0, 0, 0]]), np.array([0.5])
     told = []
     for _ in range(20):
-        answer = shield.filter(flat, center, radius, snap, 0.02, velocity=velocity)
+        answer = shield.filter(flat, Obstacles.spheres(center, radius, velocity), snap, 0.02)
         check(answer, flat, center, radius, snap, name)
         told.append(bool(answer.certified))
         powers = [0.02**k / math.factorial(k) for k in range(5)]
@@ -334,7 +342,7 @@ def slot_of(name, n):
     env.reset(seed=0)
     env.step(np.full((n, 4), 0.5, dtype=np.float32))
     plant = env.unwrapped
-    asked = (plant.flat_state(), plant.obstacles.center.copy(), plant.obstacles.radius.copy())
+    asked = (plant.flat_state(), plant.obstacles.center, plant.obstacles.radius)
     return env, plant.snap_filter, asked, plant.control_period
 
 
@@ -346,20 +354,20 @@ def test_a_row_that_is_measured_without_numbers_brakes_alone(name, bad, what):
     asked[what][1].flat[-1] = bad
     snap = np.full((3, 3), 5.0)
     with pytest.warns(RuntimeWarning, match="^row 1 brakes: (flat|center|radius) must be"):
-        answer = slot.filter(*asked, snap, period)
-    expected, others = twin.filter(*good, snap, period), [0, 2]
+        answer = ask(slot, *asked, snap, period)
+    expected, others = ask(twin, *good, snap, period), [0, 2]
     assert answer.snap[others].tobytes() == expected.snap[others].tobytes()
     assert answer.facts[others].tobytes() == expected.facts[others].tobytes()
     assert np.isfinite(answer.snap).all() and answer.fallback[1] and not answer.certified[1]
     assert answer.value[1] == -np.inf and answer.obstacle[1] == -1
     # It is named once; the others go on, bit for bit, and the row is answered again when it is measured again.
-    again, expected = slot.filter(*asked, snap, period), twin.filter(*good, snap, period)
+    again, expected = ask(slot, *asked, snap, period), ask(twin, *good, snap, period)
     assert again.snap[others].tobytes() == expected.snap[others].tobytes()
-    back = slot.filter(*good, snap, period)
+    back = ask(slot, *good, snap, period)
     assert np.isfinite(back.snap[1]).all() and (back.certified[1] or name == "cbf")
     slot.reset(np.array([False, True, False]))
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
-        slot.filter(*asked, snap, period)
+        ask(slot, *asked, snap, period)
     assert np.isfinite(env.step(np.zeros((3, 4), dtype=np.float32))[0]).all()
 
 
@@ -368,11 +376,11 @@ def test_at_the_first_call_too_only_the_row_that_is_at_fault_brakes():
     env.reset(seed=0), fresh.reset(seed=0)
     plant, snap = env.unwrapped, np.full((2, 3), 5.0)
     flat, center, radius = plant.flat_state(), plant.obstacles.center, plant.obstacles.radius
-    expected = fresh.unwrapped.snap_filter.filter(flat, center, radius, snap, plant.control_period)
+    expected = ask(fresh.unwrapped.snap_filter, flat, center, radius, snap, plant.control_period)
     wrong = flat.copy()
     wrong[0, 2] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 0 brakes: flat must be finite"):
-        answer = plant.snap_filter.filter(wrong, center, radius, snap, plant.control_period)
+        answer = ask(plant.snap_filter, wrong, center, radius, snap, plant.control_period)
     assert answer.snap[1].tobytes() == expected.snap[1].tobytes() and answer.certified.tolist() == [False, True]
 
 
@@ -381,11 +389,11 @@ def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted
     recorder = Recorder(shield, 2)
     flat, center, radius = np.zeros((2, 4, 3)), np.full((2, 1, 3), 3.0), np.full((2, 1), 0.5)
     flat[:, 1, 0] = 0.5
-    recorder.filter(flat, center, radius, np.full((2, 3), 7.0), 0.02)
+    recorder.filter(flat, Obstacles.spheres(center, radius), np.full((2, 3), 7.0), 0.02)
     wrong = flat.copy()
     wrong[1, 0] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
-        braked = recorder.filter(wrong, center, radius, np.full((2, 3), 7.0), 0.02)
+        braked = recorder.filter(wrong, Obstacles.spheres(center, radius), np.full((2, 3), 7.0), 0.02)
     pending = tube_memory(sampled_memory(shield.snapshot()["memory"], 2, 1)[1], 2, 1, 2).pending
     np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
@@ -396,7 +404,7 @@ class Slot:
     def __init__(self, answers):
         self.snap, self._answers = None, answers
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.snap = self._answers(snap)
         return self
 

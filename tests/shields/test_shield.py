@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from quadsafe_core.shapes import Box, Obstacles, Sphere
 from shields import Filtered, Shield
 from shields.chains.radial import radial_snap, radial_state
 from shields.methods.cbf_shield import ClosingBounds, Limits, filtered_input
@@ -19,6 +20,7 @@ from shields.methods.memory import sampled_memory
 PERIOD = 0.01
 SNAP_MAX = 30.0
 CENTER, RADIUS = np.array([[0.5, -0.25, 1.0]]), np.array([0.8])
+BOXES = Obstacles.pack([Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))])
 
 
 def cbf(**settings):
@@ -35,7 +37,9 @@ SNAP = coordinates(300.0).map(np.array)
 
 
 def shielded(flat, snap, **changed):
-    return cbf(**({"snap_max": SNAP_MAX} | changed)).filter(flat, CENTER, RADIUS, snap, PERIOD)
+    return cbf(**({"snap_max": SNAP_MAX} | changed)).filter(
+        flat, Obstacles.spheres(CENTER, RADIUS), snap, PERIOD
+    )
 
 
 def rows(n, seed=0):
@@ -44,7 +48,12 @@ def rows(n, seed=0):
     flat = rng.normal(size=(n, 4, 3)) * [[3.0], [1.0], [2.0], [5.0]]
     flat[:, 1] -= flat[:, 0]
     radius = np.where(rng.random((n, 1)) < 0.9, 0.5, 0.0)
-    return flat, np.zeros((n, 1, 3)), radius, rng.normal(size=(n, 3)) * 100.0
+    return flat, Obstacles.spheres(np.zeros((n, 1, 3)), radius), rng.normal(size=(n, 3)) * 100.0
+
+
+def row(spheres, i):
+    """The spheres of plant i."""
+    return Obstacles.spheres(spheres.center[i], spheres.radius[i])
 
 
 @settings(deadline=None)
@@ -69,14 +78,14 @@ def test_what_is_safe_passes_bit_for_bit(flat, snap):
 
 @pytest.mark.interpreted
 def test_correction_is_the_least_one_along_the_line_of_sight():
-    flat, center, radius, snap = rows(300, seed=1)
-    answer = cbf().filter(flat, center, radius, snap, PERIOD)
+    flat, spheres, snap = rows(300, seed=1)
+    answer = cbf().filter(flat, spheres, snap, PERIOD)
     n = flat[:, 0] / np.linalg.norm(flat[:, 0], axis=1, keepdims=True)
     # The correction is a difference of snaps whose drift can be large.
     slack = 1e-9 * (1.0 + answer.correction[:, np.newaxis])
     assert (np.abs(answer.snap - snap - answer.correction[:, np.newaxis] * n) <= slack).all()
     short = snap + (answer.correction[:, np.newaxis] - 2.0 * slack) * n
-    almost = cbf().filter(flat, center, radius, short, PERIOD)
+    almost = cbf().filter(flat, spheres, short, PERIOD)
     acted = answer.intervened
     assert np.count_nonzero(acted) > 50
     assert almost.intervened[acted].all()
@@ -97,7 +106,9 @@ def test_filter_is_idempotent(flat, snap):
 def test_filter_is_rotation_invariant(flat, snap, seed):
     turn = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
     answer = shielded(flat, snap)
-    turned = cbf(snap_max=SNAP_MAX).filter(flat @ turn.T, CENTER @ turn.T, RADIUS, turn @ snap, PERIOD)
+    turned = cbf(snap_max=SNAP_MAX).filter(
+        flat @ turn.T, Obstacles.spheres(CENTER @ turn.T, RADIUS), turn @ snap, PERIOD
+    )
     # t* can jump between two minima of nearly one value: compare where the answer is continuous.
     nudged = shielded(flat * (1.0 + 1e-9), snap)
     slack = 1e-9 * (1.0 + answer.correction) + 10.0 * np.linalg.norm(nudged.snap - answer.snap)
@@ -115,32 +126,33 @@ def test_filter_is_monotone_along_the_line_of_sight(flat, snap, more):
 
 @pytest.mark.interpreted
 def test_batch_equals_single_bit_for_bit():
-    flat, center, radius, snap = rows(200)
-    batch = cbf().filter(flat, center, radius, snap, PERIOD)
+    flat, spheres, snap = rows(200)
+    batch = cbf().filter(flat, spheres, snap, PERIOD)
     assert 20 < np.count_nonzero(batch.intervened) < 180
     for i in range(200):
-        single = cbf().filter(flat[i], center[i], radius[i], snap[i], PERIOD)
+        single = cbf().filter(flat[i], row(spheres, i), snap[i], PERIOD)
         assert all(np.array_equal(a[i], b) for a, b in zip(batch, single, strict=True))
 
 
 @pytest.mark.interpreted
 def test_answers_have_the_shape_of_the_question():
-    flat, center, radius, snap = rows(7)
-    batch = cbf().filter(flat, center, radius, snap, PERIOD)
+    flat, spheres, snap = rows(7)
+    batch = cbf().filter(flat, spheres, snap, PERIOD)
     assert [x.shape for x in batch] == [(7, 3), *[(7,)] * 10]
-    single = cbf().filter(flat[0], center[0], radius[0], snap[0], PERIOD)
-    assert [np.shape(x) for x in single] == [(3,), *[()] * 10]
-    as_lists = [x[0].tolist() for x in (flat, center, radius, snap)]
-    assert np.array_equal(cbf().filter(*as_lists, 1).snap, single.snap)
     assert not np.shares_memory(batch.snap, snap)
+    single = cbf().filter(flat[0], row(spheres, 0), snap[0], PERIOD)
+    assert [np.shape(x) for x in single] == [(3,), *[()] * 10]
+    flat, center, radius, snap = (x[0].tolist() for x in (flat, spheres.center, spheres.radius, snap))
+    as_lists = cbf().filter(flat, Obstacles.spheres(center, radius), snap, 1)
+    assert np.array_equal(as_lists.snap, single.snap)
 
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize("obstacles", [0, 1, 3])
 def test_without_an_obstacle_everything_passes(obstacles):
     snap = np.array([1e3, -2e3, 3e3])
-    center, radius = np.zeros((obstacles, 3)), np.zeros(obstacles)
-    answer = cbf(max_closing_speed=0.1).filter(np.ones((4, 3)), center, radius, snap, PERIOD)
+    spheres = Obstacles.spheres(np.zeros((obstacles, 3)), np.zeros(obstacles))
+    answer = cbf(max_closing_speed=0.1).filter(np.ones((4, 3)), spheres, snap, PERIOD)
     assert answer.snap.tobytes() == snap.tobytes()
     assert (answer.value, answer.in_set, answer.intervened) == (math.inf, True, False)
 
@@ -153,14 +165,12 @@ def test_the_obstacle_is_found_among_absent_ones():
         np.ones((1, 1)),
     )
     snap = np.array([[-9.0, 8.0, 7.0]])
-    alone = cbf().filter(flat, center, radius, snap, PERIOD)
-    among = cbf().filter(
-        flat,
+    alone = cbf().filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
+    more = Obstacles.spheres(
         np.concatenate([np.ones((1, 2, 3)), center, np.ones((1, 1, 3))], axis=1),
         np.concatenate([np.zeros((1, 2)), radius, np.zeros((1, 1))], axis=1),
-        snap,
-        PERIOD,
     )
+    among = cbf().filter(flat, more, snap, PERIOD)
     assert alone.intervened
     assert np.array_equal(alone.snap, among.snap)
 
@@ -168,8 +178,8 @@ def test_the_obstacle_is_found_among_absent_ones():
 @pytest.mark.interpreted
 def test_margin_widens_the_radius():
     flat, snap = np.array([[3.0, 0, 0], [-1.0, 0, 0], [0, 0, 0], [0, 0, 0]]), np.array([-50.0, 0, 0])
-    wide = cbf(margin=0.1).filter(flat, np.zeros((1, 3)), [1.0], snap, PERIOD)
-    exact = cbf(margin=0.0).filter(flat, np.zeros((1, 3)), [1.1], snap, PERIOD)
+    wide = cbf(margin=0.1).filter(flat, Obstacles.spheres(np.zeros((1, 3)), [1.0]), snap, PERIOD)
+    exact = cbf(margin=0.0).filter(flat, Obstacles.spheres(np.zeros((1, 3)), [1.1]), snap, PERIOD)
     assert np.array_equal(wide.snap, exact.snap)
     assert wide.value == exact.value
 
@@ -184,7 +194,8 @@ def test_margin_widens_the_radius():
     ],
 )
 def test_optional_bounds_act_on_their_derivative(bound, flat):
-    question = (np.array(flat), np.zeros((1, 3)), [1.0], np.array([-20.0, 0, 0]), PERIOD)
+    sphere = Obstacles.spheres(np.zeros((1, 3)), [1.0])
+    question = (np.array(flat), sphere, np.array([-20.0, 0, 0]), PERIOD)
     assert not cbf().filter(*question).intervened
     tight = cbf(**{bound: 2.01}).filter(*question)
     assert tight.intervened
@@ -196,7 +207,9 @@ def test_optional_bounds_act_on_their_derivative(bound, flat):
 @pytest.mark.interpreted
 def test_recovery_from_outside_is_capped():
     flat = np.array([[1.0, 0, 0], [-4.0, 0, 0], [0, 0, 0], [0, 0, 0]])
-    answer = cbf(snap_max=50.0, reserve=2.0).filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+    answer = cbf(snap_max=50.0, reserve=2.0).filter(
+        flat, Obstacles.spheres(np.zeros((1, 3)), [1.0]), np.zeros(3), PERIOD
+    )
     assert not answer.in_set
     assert radial_snap(flat, answer.snap, np.zeros(3)) == pytest.approx(100.0, rel=1e-12)
 
@@ -204,7 +217,7 @@ def test_recovery_from_outside_is_capped():
 @pytest.mark.interpreted
 def test_at_the_centre_the_answer_is_finite_and_leads_out():
     flat = np.array([[0.0, 0, 0], [-2.0, 0, -1.0], [0, 1.0, 0], [0, 0, -3.0]])
-    answer = cbf().filter(flat, np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+    answer = cbf().filter(flat, Obstacles.spheres(np.zeros((1, 3)), [1.0]), np.zeros(3), PERIOD)
     assert np.array_equal(answer.snap, [0.0, 0.0, 300.0])
 
 
@@ -217,7 +230,7 @@ def test_a_missing_wish_is_answered_by_braking():
         assert not answer.intervened
         assert np.isfinite(answer.snap).all()
     # As the period goes to zero the gains become those of (s + 3)³.
-    tiny = cbf().filter(flat, CENTER, RADIUS, [np.nan] * 3, 1e-6)
+    tiny = cbf().filter(flat, Obstacles.spheres(CENTER, RADIUS), [np.nan] * 3, 1e-6)
     np.testing.assert_allclose(tiny.snap, -27.0 * flat[1] - 27.0 * flat[2] - 9.0 * flat[3], rtol=1e-4)
 
 
@@ -225,9 +238,9 @@ def test_a_missing_wish_is_answered_by_braking():
 @pytest.mark.parametrize("period", [0.001, 0.05, 1.0])
 def test_braking_comes_to_rest_and_stays_shielded(period):
     flat, shield = np.array([[4.0, 0, 0], [-2.0, 1.0, 0], [0, 0, 1.0], [0, 0, 0]]), cbf()
-    center, radius, wish = np.zeros((1, 3)), np.zeros(1), np.full(3, np.nan)
+    none, wish = Obstacles.spheres(np.zeros((1, 3)), np.zeros(1)), np.full(3, np.nan)
     for _ in range(int(max(8.0, 10 * period) / period)):
-        flat = held(flat, shield.filter(flat, center, radius, wish, period).snap, period)
+        flat = held(flat, shield.filter(flat, none, wish, period).snap, period)
     assert np.abs(flat[1:]).max() < 1e-3
 
 
@@ -245,7 +258,7 @@ def fly_at_the_sphere(shield, seconds, period):
     for _ in range(round(seconds / period)):
         snap = -60.0 * flat[0] / np.linalg.norm(flat[0])
         if shield is not None:
-            snap = shield.filter(flat, np.zeros((1, 3)), np.ones(1), snap, period).snap
+            snap = shield.filter(flat, Obstacles.spheres(np.zeros((1, 3)), np.ones(1)), snap, period).snap
         flat = held(flat, snap, period)
         least = min(least, np.linalg.norm(flat[0]))
     return least
@@ -352,24 +365,68 @@ def test_bad_measurements_are_named(changed, message):
         "snap": np.zeros((2, 3)),
         "period": PERIOD,
     }
+    flat, center, radius, snap, period = (good | changed).values()
     with pytest.raises(ValueError, match=message):
-        cbf().filter(**(good | changed))
+        cbf().filter(flat, Obstacles(center, radius), snap, period)
 
 
 @pytest.mark.interpreted
 def test_what_is_not_a_number_is_a_type_error():
     with pytest.raises(TypeError, match="flat must be an array of real numbers"):
-        cbf().filter("here", np.zeros((1, 3)), [1.0], np.zeros(3), PERIOD)
+        cbf().filter("here", Obstacles.spheres(np.zeros((1, 3)), [1.0]), np.zeros(3), PERIOD)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("here", "obstacles must be a list of shapes, mappings or rows"),
+        ([[0.0, 0.0, 1.0]], r"obstacles\[0\] must be a shape, a mapping or a row"),
+        ([{"shape": "cone"}], r"obstacles\[0\].shape must be one of 'sphere'"),
+        (
+            Obstacles(BOXES.center, BOXES.radius, None, BOXES.cores[:10]),
+            r"obstacles.cores must have \d+ bytes or more for \(1, 1\)",
+        ),
+        (
+            Obstacles(BOXES.center, BOXES.radius, None, BOXES.cores.astype(float)),
+            "obstacles.cores must be None or an array of bytes",
+        ),
+    ],
+)
+def test_what_are_no_obstacles_is_refused(given, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        Shield().filter(np.ones((4, 3)), given, np.zeros(3), PERIOD)
+
+
+@pytest.mark.interpreted
+def test_rows_mappings_and_shapes_are_the_packed_form_of_one_plant():
+    flat, snap = np.zeros((4, 3)), [1e5, 20.0, 0.0]
+    flat[0, 0] = -0.7
+    packed = Shield().filter(flat, Obstacles.spheres(np.zeros((1, 3)), [0.5]), snap, PERIOD)
+    assert packed.intervened and packed.certified
+    sphere = Sphere((0.0, 0.0, 0.0), 0.5)
+    for same in ([[0, 0, 0, 0.5]], [sphere], [sphere.as_dict()], Obstacles.pack([sphere])):
+        assert np.array_equal(Shield().filter(flat, same, snap, PERIOD).numbers, packed.numbers)
+    with pytest.raises(ValueError, match="must agree in N and K"):
+        Shield().filter(flat[None], [sphere], [snap], PERIOD)
+
+
+@pytest.mark.interpreted
+def test_the_paper_filters_spheres_alone():
+    with pytest.raises(ValueError, match="obstacles must be spheres with method 'cbf', got other shapes"):
+        cbf().filter(np.ones((4, 3)), BOXES, np.zeros(3), PERIOD)
 
 
 @pytest.mark.interpreted
 def test_one_filtered_row():
     flat = np.array([[2.0, 0, 0], [-1.0, 0.5, 0], [0, 0, 0], [0, 0, 0]])
-    answer = cbf(snap_max=10.0).filter(flat, np.zeros((1, 3)), [1.0], np.array([-30.0, 1.0, 2.0]), PERIOD)
+    answer = cbf(snap_max=10.0).filter(
+        flat, Obstacles.spheres(np.zeros((1, 3)), [1.0]), np.array([-30.0, 1.0, 2.0]), PERIOD
+    )
     assert answer.intervened
     assert np.array_equal(answer.snap[1:], [1.0, 2.0])
     assert answer.correction == pytest.approx(answer.snap[0] + 30.0, rel=1e-14)
-    braked = cbf().filter(flat, np.zeros((1, 3)), [0.0], np.full(3, np.nan), PERIOD)
+    braked = cbf().filter(flat, Obstacles.spheres(np.zeros((1, 3)), [0.0]), np.full(3, np.nan), PERIOD)
     assert braked.fallback
     assert braked.snap[0] > 0.0 > braked.snap[1]
 
@@ -378,44 +435,46 @@ def test_one_filtered_row():
 def test_unchecked_arguments_start_no_compilation():
     from shields.methods.sampled_shield import sampled_one
 
-    flat, center, radius, snap = (x[0] for x in rows(1))
-    shield = Shield()
-    expected = shield.filter(flat, center, radius, snap, PERIOD)
+    flat, spheres, snap = rows(1)
+    measured = flat, center, radius, snap = [x[0] for x in (flat, spheres.center, spheres.radius, snap)]
+    shield, spheres = Shield(), Obstacles.spheres(center, radius)
+    expected = shield.filter(flat, spheres, snap, PERIOD)
     compiled = len(getattr(sampled_one, "signatures", ()))
     kinds = (
-        [x.astype(np.float32) for x in (flat, center, radius, snap)],
-        [x.tolist() for x in (flat, center, radius, snap)],
-        [np.asfortranarray(x) for x in (flat, center, radius, snap)],
+        [x.astype(np.float32) for x in measured],
+        [x.tolist() for x in measured],
+        [np.asfortranarray(x) for x in measured],
     )
-    for question in kinds:
+    for own, centers, radii, wanted in kinds:
         shield.reset()
-        shield.filter(*question, PERIOD)
-        answer = shield.filter(*question, PERIOD)
+        question = own, Obstacles.spheres(centers, radii), wanted, PERIOD
+        shield.filter(*question)
+        answer = shield.filter(*question)
         np.testing.assert_allclose(answer.snap, expected.snap, rtol=1e-4)
     read_only = flat.copy()
     read_only.flags.writeable = False
     shield.reset()
-    assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
-    assert np.array_equal(shield.filter(read_only, center, radius, snap, PERIOD).snap, expected.snap)
+    assert np.array_equal(shield.filter(read_only, spheres, snap, PERIOD).snap, expected.snap)
+    assert np.array_equal(shield.filter(read_only, spheres, snap, PERIOD).snap, expected.snap)
     assert len(getattr(sampled_one, "signatures", ())) == compiled
     with pytest.raises(ValueError, match=r"must have shape \(…, 4, 3\)"):
-        shield.filter(flat[:3], center, radius, snap, PERIOD)
+        shield.filter(flat[:3], spheres, snap, PERIOD)
 
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize("method", ["sampled", "cbf"])
 def test_a_shield_goes_on_where_it_was_when_it_gave_the_snapshot(method):
-    flat, center, radius, snap = rows(3)
+    flat, spheres, snap = rows(3)
     first, second = Shield(method=method), Shield(method=method)
     assert first.snapshot() == {}
     for k in range(3):
-        first.filter(flat, center, radius, snap * k, PERIOD)
+        first.filter(flat, spheres, snap * k, PERIOD)
     kept = first.snapshot()
-    later = [np.array(first.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    later = [np.array(first.filter(flat, spheres, snap * k, PERIOD).numbers) for k in (5, -1)]
     # what was given away does not change
     second.restore(kept)
     assert all(np.array_equal(kept[name], entry) for name, entry in second.snapshot().items())
-    again = [np.array(second.filter(flat, center, radius, snap * k, PERIOD).numbers) for k in (5, -1)]
+    again = [np.array(second.filter(flat, spheres, snap * k, PERIOD).numbers) for k in (5, -1)]
     np.testing.assert_array_equal(again, later)
     with pytest.raises(ValueError, match="keep their N and K"):
         second.filter(*rows(2), PERIOD)
@@ -426,7 +485,7 @@ def test_a_shield_goes_on_where_it_was_when_it_gave_the_snapshot(method):
 @pytest.mark.interpreted
 def test_a_snapshot_of_one_plant_is_restored_as_one_plant():
     shield, again = cbf(), cbf()
-    arguments = ([*np.eye(4, 3) * 3.0], CENTER, RADIUS, np.zeros(3))
+    arguments = ([*np.eye(4, 3) * 3.0], Obstacles.spheres(CENTER, RADIUS), np.zeros(3))
     answer = shield.filter(*arguments, PERIOD)
     again.restore(shield.snapshot())
     assert again.filter(*arguments, PERIOD).snap.shape == answer.snap.shape == (3,)
@@ -442,20 +501,19 @@ def test_a_snapshot_of_another_method_is_refused():
 
 @pytest.mark.interpreted
 def test_velocities_have_the_shape_of_the_centres():
-    flat, center, radius, snap = rows(2)
-    center, radius = np.repeat(center, 3, axis=1), np.repeat(radius, 3, axis=1)
+    flat, spheres, snap = rows(2)
+    center, radius = np.repeat(spheres.center, 3, axis=1), np.repeat(spheres.radius, 3, axis=1)
     for wrong in (np.zeros((3, 2, 3)), np.zeros((2, 3)), np.zeros((4, 3, 3)), "fast"):
         with pytest.raises(ValueError, match="velocity must have the shape of center"):
-            Shield().filter(flat, center, radius, snap, PERIOD, velocity=wrong)
-    calm = Shield().filter(flat, center, radius, snap, PERIOD)
-    still = Shield().filter(flat, center, radius, snap, PERIOD, velocity=np.zeros((2, 3, 3)))
+            Shield().filter(flat, Obstacles(center, radius, wrong), snap, PERIOD)
+        with pytest.raises((TypeError, ValueError), match="velocity must "):
+            Obstacles.spheres(center, radius, wrong)
+    calm = Shield().filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
+    still = Shield().filter(flat, Obstacles.spheres(center, radius, np.zeros((2, 3, 3))), snap, PERIOD)
     assert np.array_equal(calm.numbers, still.numbers)
-    flat, center, radius, snap = rows(2)
+    moving = Obstacles.spheres(spheres.center, np.ones((2, 1)), np.ones((2, 1, 3)))
     with pytest.raises(ValueError, match="velocity must be 0 with method 'cbf'"):
-        cbf().filter(flat, center, np.ones((2, 1)), snap, PERIOD, velocity=np.ones((2, 1, 3)))
-    with pytest.raises(ValueError, match="acceleration must be 0"):
-        cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.ones((2, 1, 3)))
-    cbf().filter(flat, center, radius, snap, PERIOD, acceleration=np.zeros((2, 1, 3)))
+        cbf().filter(flat, moving, snap, PERIOD)
 
 
 @pytest.mark.interpreted
@@ -463,9 +521,9 @@ def test_a_call_at_another_period_is_that_of_a_new_shield():
     shield = cbf()
     for period in (PERIOD, 0.5, PERIOD):
         for wanted in (np.full((2, 3), np.nan), np.zeros((2, 3))):
-            flat, center, radius, _ = rows(2)
-            answer = shield.filter(flat, center, radius, wanted, period)
-            assert np.array_equal(answer.numbers, cbf().filter(flat, center, radius, wanted, period).numbers)
+            flat, spheres, _ = rows(2)
+            answer = shield.filter(flat, spheres, wanted, period)
+            assert np.array_equal(answer.numbers, cbf().filter(flat, spheres, wanted, period).numbers)
 
 
 @pytest.mark.interpreted
@@ -485,28 +543,27 @@ def test_the_reserve_is_told_only_of_a_sphere_that_asks_and_in_units_of_the_grea
 
 @pytest.mark.interpreted
 def test_motion_of_the_spheres_is_heard_in_the_second_call_too():
-    flat, center, radius, snap = rows(2)
-    shield, moving = Shield(), np.ones((2, 1, 3))
-    shield.filter(flat, center, radius, snap, PERIOD)
-    with pytest.raises(ValueError, match="acceleration must be 0"):
-        shield.filter(flat, center, radius, snap, PERIOD, acceleration=moving)
-    still = np.array(shield.filter(flat, center, radius, snap, PERIOD).value)
-    assert not np.array_equal(shield.filter(flat, center, radius, snap, PERIOD, velocity=moving).value, still)
+    flat, spheres, snap = rows(2)
+    moving = Obstacles.spheres(spheres.center, spheres.radius, np.ones((2, 1, 3)))
+    shield = Shield()
+    shield.filter(flat, spheres, snap, PERIOD)
+    still = np.array(shield.filter(flat, spheres, snap, PERIOD).value)
+    assert not np.array_equal(shield.filter(flat, moving, snap, PERIOD).value, still)
 
 
 @pytest.mark.interpreted
 @pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}, {"method": "cbf"}])
 def test_a_changed_snapshot_changes_no_size_and_no_setting(given):
-    flat, center, radius, snap = rows(2)
+    flat, spheres, snap = rows(2)
     shield, twin = Shield(**given), Shield(**given)
-    shield.filter(flat, center, radius, snap, PERIOD)
+    shield.filter(flat, spheres, snap, PERIOD)
     whole, changed = shield.snapshot(), shield.snapshot()
     # Sizes and settings stand first.
     changed["memory"][:80] = 255
     twin.restore(changed)
     assert twin.snapshot()["memory"].tobytes() == whole["memory"].tobytes()
-    expected = shield.filter(flat, center, radius, snap, PERIOD)
-    assert twin.filter(flat, center, radius, snap, PERIOD).numbers.tobytes() == expected.numbers.tobytes()
+    expected = shield.filter(flat, spheres, snap, PERIOD)
+    assert twin.filter(flat, spheres, snap, PERIOD).numbers.tobytes() == expected.numbers.tobytes()
 
 
 @pytest.mark.interpreted
@@ -524,17 +581,19 @@ def test_a_snapshot_with_a_stop_that_cannot_be_is_refused(given, name, value):
 @pytest.mark.interpreted
 @pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}])
 def test_velocities_are_those_of_the_call_and_of_no_later_one(given):
-    arguments = rows(2)
-    velocity = np.broadcast_to([0.0, 2.0, 0.0], arguments[1].shape).copy()
+    flat, spheres, snap = arguments = rows(2)
+    velocity = np.broadcast_to([0.0, 2.0, 0.0], spheres.center.shape).copy()
+    moved = Obstacles.spheres(spheres.center, spheres.radius, velocity)
     shield, still = Shield(**given), Shield(**given)
-    moving = shield.filter(*arguments, PERIOD, velocity=velocity).numbers.tobytes()
+    moving = shield.filter(flat, moved, snap, PERIOD).numbers.tobytes()
     expected = still.filter(*arguments, PERIOD).numbers.tobytes()
     assert moving != expected
     shield.reset(np.ones(2, dtype=bool))
     assert shield.filter(*arguments, PERIOD).numbers.tobytes() == expected
     # Nor of one that was refused.
     with pytest.raises(ValueError, match="velocity must be finite"):
-        shield.filter(*arguments, PERIOD, velocity=velocity * np.nan)
+        lost = Obstacles.spheres(spheres.center, spheres.radius, velocity * np.nan)
+        shield.filter(flat, lost, snap, PERIOD)
     assert (
         shield.filter(*arguments, PERIOD).numbers.tobytes()
         == still.filter(*arguments, PERIOD).numbers.tobytes()

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 import quadsafe_env  # noqa: F401 - registers the ids
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.slot.info import shield_in
 
@@ -40,7 +41,7 @@ KEYS = {
 
 
 class PassThrough:
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         raise AssertionError("the slot is empty")
 
     def reset(self, mask):
@@ -61,10 +62,11 @@ class Echo:
 
     def fly(self, snap):
         flat = np.tile(FLAT, (self.n, 1, 1))
+        spheres = Obstacles.spheres(np.zeros((self.n, 1, 3)), np.ones((self.n, 1)))
         for k in range(self.periods):
             # The last period asks for half.
             asked = snap / (2.0 if k == self.periods - 1 else 1.0)
-            answer = self.snap_filter.filter(flat, np.zeros((self.n, 1, 3)), np.ones((self.n, 1)), asked, 0.01)
+            answer = self.snap_filter.filter(flat, spheres, asked, 0.01)
         return np.array(answer.snap)
 
 
@@ -114,7 +116,7 @@ ATTACK, CALM = np.array([-4000.0, 0.0, 0.0]), np.array([5.0, 0.0, 0.0])
 
 def expected(snap, **settings):
     """What the shield answers to one control period of the echo env."""
-    return Shield(**settings).filter(FLAT, np.zeros((1, 3)), np.ones(1), snap, 0.01)
+    return Shield(**settings).filter(FLAT, Obstacles.spheres(np.zeros((1, 3)), np.ones(1)), snap, 0.01)
 
 
 @pytest.mark.interpreted

@@ -82,7 +82,7 @@ class Recorder:
     def __init__(self):
         self.flat, self.snap = [], []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.flat.append(flat.copy())
         self.snap.append(snap.copy())
         return Passed(snap.copy())
@@ -100,9 +100,9 @@ class Watched(Recorder):
         super().__init__()
         self.lost = []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.lost.append(np.zeros(len(snap), dtype=bool))
-        return super().filter(flat, center, radius, snap, period)
+        return super().filter(flat, obstacles, snap, period)
 
     def backup(self, mask):
         self.lost[-1] = mask.copy()

@@ -16,7 +16,7 @@ class Minimal:
     def __init__(self):
         self.masks = []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         return Passed(0.5 * snap)
 
     def reset(self, mask):
@@ -49,7 +49,7 @@ def test_a_filter_needs_no_more_than_filter_and_reset():
     given = Minimal()
     slot = completed(given)
     assert (slot.done, slot.backup) == (NOTHING_DONE, None)
-    assert slot.filter(None, None, None, np.ones((1, 3)), 0.01).snap.tolist() == [[0.5, 0.5, 0.5]]
+    assert slot.filter(None, None, np.ones((1, 3)), 0.01).snap.tolist() == [[0.5, 0.5, 0.5]]
     slot.reset(np.array([True]))
     assert [mask.tolist() for mask in given.masks] == [[True]]
 

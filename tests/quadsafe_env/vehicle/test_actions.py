@@ -45,7 +45,7 @@ class Recorder:
     def __init__(self):
         self.snaps = []
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         self.snaps.append(snap[0].copy())
         return Passed(snap)
 

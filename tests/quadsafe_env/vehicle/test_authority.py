@@ -278,7 +278,7 @@ class Wish:
     def __init__(self, snaps):
         self._snaps = snaps
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         return Passed(self._snaps)
 
     def reset(self, mask):

@@ -243,7 +243,7 @@ class Wish:
     def __init__(self, snap):
         self.snap = np.atleast_2d(np.asarray(snap, dtype=float))
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         return Passed(np.broadcast_to(self.snap, snap.shape).copy())
 
     def reset(self, mask):

@@ -220,10 +220,13 @@ def test_a_plane_separates_up_to_the_nearest_of_the_five_points():
         least, length = min(gaps) / np.linalg.norm(n), float(np.linalg.norm(n))
         if least > 0.0:
             for radius, expected in ((least * (1 - 1e-9), True), (least * (1 + 1e-9), False)):
-                assert is_separated(three(n), length, points, three(center), three(drift), radius) == expected
+                assert (
+                    is_separated(None, three(n), length, points, three(center), three(drift), radius)
+                    == expected
+                )
     # a normal that is shorter than the radius tells no direction
-    assert not is_separated((0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.6)
-    assert is_separated((0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.5)
+    assert not is_separated(None, (0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.6)
+    assert is_separated(None, (0.5, 0.0, 0.0), 0.5, ((9.0, 0.0, 0.0),) * 5, (0.0,) * 3, (0.0,) * 3, 0.5)
 
 
 @pytest.mark.interpreted
@@ -243,16 +246,15 @@ def test_a_piece_is_clear_by_the_plane_of_the_chord_or_by_that_of_its_middle():
         return tuple((-1.0 + 0.5 * i, y + (middle if i == 2 else 0.0), 0.0) for i in range(5))
 
     still, origin = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    assert piece_clears(line(1.0), origin, still, 1.0) and not piece_clears(
-        line(1.0), origin, still, 1.0 + 1e-9
-    )
+    assert piece_clears(None, line(1.0), origin, still, 1.0)
+    assert not piece_clears(None, line(1.0), origin, still, 1.0 + 1e-9)
     # the centre comes 0.5 nearer on the way: seen from it, from (−1, 1.5) to (1, 1)
     distance = 2.5 / math.sqrt(4.25)
-    assert piece_clears(line(1.5), origin, (0.0, 0.5, 0.0), distance - 1e-9)
-    assert not piece_clears(line(1.5), origin, (0.0, 0.5, 0.0), distance + 1e-9)
+    assert piece_clears(None, line(1.5), origin, (0.0, 0.5, 0.0), distance - 1e-9)
+    assert not piece_clears(None, line(1.5), origin, (0.0, 0.5, 0.0), distance + 1e-9)
     # a chord that ends beside the centre, points that pass it higher up
     around = ((-1.0, 1.2, 0.0), (-0.5, 1.2, 0.0), (0.0, 1.3, 0.0), (0.5, 1.2, 0.0), (2.5, 1.05, 0.0))
-    assert piece_clears(around, origin, still, 1.0)
+    assert piece_clears(None, around, origin, still, 1.0)
 
 
 @pytest.mark.interpreted

@@ -22,7 +22,6 @@ from shields.backup.certificate import (
     accept,
     accept_at_once,
     adopt_stop,
-    as_one_row,
     certified_snap,
     clear_length,
     length_clear_at_once,
@@ -41,6 +40,7 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
+from shields.interface.bodies import as_one_row
 from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
 
 GRAVITY, PERIOD = 9.81, 0.05
@@ -108,7 +108,7 @@ def samples_of_stop(plan, period, snap_max):
 
 def assert_clear(states, times, spheres):
     r = np.array([x.r for x in states])
-    for center, velocity, keep_out in zip(*spheres, strict=True):
+    for center, velocity, keep_out in zip(*spheres[:3], strict=True):
         gap = r - center - np.asarray(times)[:, None] * velocity
         # Rounding of the control points.
         assert np.linalg.norm(gap, axis=1).min() >= keep_out - 1e-12
@@ -410,12 +410,12 @@ def test_the_quick_length_is_the_one_asked_for_or_else_the_shortest_that_is_clea
         snap = three(rng.normal(size=3) * 20)
         attempt, rows = Attempt(x, snap, flown(x, snap, PERIOD), PERIOD), as_one_row(spheres)
         lengths = [periods_of(choice, PERIOD) * PERIOD for choice in range(len(LENGTHS))]
-        clear = [k for k, h in enumerate(lengths) if is_clear_at_once(0, attempt, h, rows, 1.0, LIMITS)]
+        clear = [k for k, h in enumerate(lengths) if is_clear_at_once(0, attempt, h, rows, 0.0, LIMITS)]
         expected = first if first in clear else min(clear, default=-1)
         assert length_clear_at_once(first, attempt, spheres, LIMITS) == expected
         plan = empty_plan()
         plan["choice"] = first
-        assert accept_at_once(0, plan, x, snap, rows, 1.0, FLIGHT) == (first in clear)
+        assert accept_at_once(0, plan, x, snap, rows, 0.0, FLIGHT) == (first in clear)
         assert plan["is_stored"] == (first in clear)
         seen.add((expected == first, expected < 0))
     assert len(seen) == 3
@@ -427,7 +427,7 @@ def test_a_snap_of_the_greatest_length_is_accepted_and_no_longer_one():
         limits = LIMITS._replace(snap_max=size)
         assert accept(empty_plan(), at(0, 0, 0), (3.0, 4.0, 0.0), PERIOD, FAR_AWAY, limits) == expected
         rows, flight, plan = as_one_row(FAR_AWAY), FLIGHT._replace(limits=limits), empty_plan()
-        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), rows, 1.0, flight) == expected
+        assert accept_at_once(0, plan, at(0, 0, 0), (3.0, 4.0, 0.0), rows, 0.0, flight) == expected
 
 
 @pytest.mark.interpreted

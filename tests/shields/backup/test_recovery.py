@@ -8,11 +8,13 @@ import pytest
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED, leaving_snap, length_of_way, nearest_exit
 from shields.backup.stored_stop import NOTHING
 from shields.chains.flat_state import Flat, flown
+from shields.interface.records import MovingBodies
 
 AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
 SHIELDS = {"free": {}, "told": {"uncertainty": {"snap": 50.0}}, "authority": {"authority": AUTHORITY}}
@@ -28,6 +30,12 @@ PLACES = {
 }
 
 
+def spheres(center, radius):
+    """Spheres at rest, as kernels see them."""
+    centers = np.array(center, dtype=float)
+    return MovingBodies(centers, np.zeros_like(centers), np.array(radius, dtype=float))
+
+
 def recovered(shield, rate, place, seconds=4.0, start=NOTHING):
     """Greatest speed, all positions, whether certified in every period; the pilot wants to hover."""
     position, center, radius, _ = PLACES[place]
@@ -36,7 +44,7 @@ def recovered(shield, rate, place, seconds=4.0, start=NOTHING):
     gains, fastest, positions, certified = held_gains(3, 6.0, 1 / rate), 0.0, [flat[0]], []
     for _ in range(round(seconds * rate)):
         wanted = -np.einsum("o,oi->i", gains, flat[1:])
-        answer = shield.filter(flat, center, radius, wanted, 1 / rate)
+        answer = shield.filter(flat, Obstacles.spheres(center, radius), wanted, 1 / rate)
         certified.append(bool(answer.certified))
         assert answer.certified or answer.fallback
         x = Flat(*(tuple(row) for row in flat))
@@ -77,15 +85,15 @@ def test_the_law_from_rest_rises_to_its_speed_and_not_above():
 
 @pytest.mark.interpreted
 def test_the_way_out_goes_through_every_sphere_in_its_path():
-    center, radius = np.array([[0.0, 0, 0], [1.5, 0, 0], [3.5, 0, 0], [0.5, 0, 0]]), np.array([1.0, 1, 0.5, 0])
+    bodies = spheres([[0.0, 0, 0], [1.5, 0, 0], [3.5, 0, 0], [0.5, 0, 0]], [1.0, 1, 0.5, 0])
     for point, way, expected in (
         ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 2.5),
         ((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), 1.0),
         ((0.0, 0.0, 0.0), (0.0, 0.6, 0.8), 1.0),
         ((2.75, 0.0, 0.0), (1.0, 0.0, 0.0), 0.0),
     ):
-        assert length_of_way(point, way, center, radius, 1.0) == pytest.approx(expected, abs=1e-12)
-    assert length_of_way((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), center, radius, 1.1) == pytest.approx(1.1)
+        assert length_of_way(point, way, bodies, 0.0) == pytest.approx(expected, abs=1e-12)
+    assert length_of_way((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), bodies, 0.1) == pytest.approx(1.1)
 
 
 @pytest.mark.interpreted
@@ -93,11 +101,11 @@ def test_the_exit_of_one_sphere_is_the_nearest_and_from_its_centre_it_is_up():
     rng = np.random.default_rng(0)
     for _ in range(50):
         point = rng.normal(size=3) * 0.3
-        way, k = nearest_exit(tuple(point), np.zeros((1, 3)), np.array([2.0]), 1.0)
+        way, k = nearest_exit(tuple(point), spheres(np.zeros((1, 3)), [2.0]), 0.0)
         np.testing.assert_allclose(way, point / np.linalg.norm(point), rtol=1e-12)
         assert k == 0
-    assert nearest_exit(NOTHING, np.zeros((1, 3)), np.array([2.0]), 1.0) == ((0.0, 0.0, 1.0), 0)
-    assert nearest_exit((3.0, 0.0, 0.0), np.zeros((2, 3)), np.array([2.0, 0.0]), 1.0)[1] == -1
+    assert nearest_exit(NOTHING, spheres(np.zeros((1, 3)), [2.0]), 0.0) == ((0.0, 0.0, 1.0), 0)
+    assert nearest_exit((3.0, 0.0, 0.0), spheres(np.zeros((2, 3)), [2.0, 0.0]), 0.0)[1] == -1
 
 
 @pytest.mark.interpreted
@@ -105,17 +113,18 @@ def test_the_exit_of_several_is_no_farther_than_straight_away_from_any_of_them()
     rng = np.random.default_rng(1)
     for _ in range(50):
         center, radius = rng.normal(size=(5, 3)) * 0.4, rng.uniform(0.3, 1.0, 5)
-        way, k = nearest_exit(NOTHING, center, radius, 1.0)
+        bodies = spheres(center, radius)
+        way, k = nearest_exit(NOTHING, bodies, 0.0)
         inside = np.linalg.norm(center, axis=1) < radius
         if not inside.any():
             assert k == -1
             continue
         assert k == np.argmax(radius - np.linalg.norm(center, axis=1))
-        length = length_of_way(NOTHING, way, center, radius, 1.0)
+        length = length_of_way(NOTHING, way, bodies, 0.0)
         end = length * np.array(way)
         assert (np.linalg.norm(end - center, axis=1) >= radius - 1e-9).all()
         for c in center[inside]:
-            assert length <= length_of_way(NOTHING, tuple(-c / np.linalg.norm(c)), center, radius, 1.0)
+            assert length <= length_of_way(NOTHING, tuple(-c / np.linalg.norm(c)), bodies, 0.0)
 
 
 @pytest.mark.interpreted
@@ -124,7 +133,7 @@ def test_it_leaves_relative_to_a_sphere_that_moves():
     center, drift = np.array([[-0.1, 0.0, 0.0]]), np.array([[0.0, 0.5, 0.0]])
     flat[1] = drift[0]
     for _ in range(200):
-        answer = shield.filter(flat, center, [0.5], np.zeros(3), 0.02, velocity=drift)
+        answer = shield.filter(flat, Obstacles.spheres(center, [0.5], drift), np.zeros(3), 0.02)
         if answer.certified:
             break
         flat = np.array(flown(Flat(*(tuple(row) for row in flat)), tuple(answer.snap), 0.02))
@@ -138,7 +147,7 @@ def test_it_leaves_relative_to_a_sphere_that_moves():
 def test_outside_and_too_fast_it_brakes_as_hard_as_ever(rate):
     flat = np.zeros((4, 3))
     flat[:2] = [[-0.6, 0.0, 0.0], [3.0, 0.0, 0.0]]
-    answer = Shield().filter(flat, np.zeros((1, 3)), [0.5], np.zeros(3), 1 / rate)
+    answer = Shield().filter(flat, Obstacles.spheres(np.zeros((1, 3)), [0.5]), np.zeros(3), 1 / rate)
     # More than ū, which the law of the recovery would not ask for.
     assert not answer.certified and answer.snap[0] <= -300.0
 
@@ -167,6 +176,8 @@ def test_the_quadrotor_leaves_and_stays_within_the_bounds_of_the_task(offset, ra
 @pytest.mark.interpreted
 def test_cbf_at_rest_inside_leaves_the_snap_as_it_is_and_the_value_says_so():
     # At rest t* = 0, where (33) gives no bound of order 4.
-    answer = Shield(method="cbf").filter(np.zeros((4, 3)), [[0.1, 0, 0]], [0.5], [1.0, 0, 0], 0.02)
+    answer = Shield(method="cbf").filter(
+        np.zeros((4, 3)), Obstacles.spheres([[0.1, 0, 0]], [0.5]), [1.0, 0, 0], 0.02
+    )
     assert not answer.intervened and not answer.in_set and not answer.certified
     assert answer.value == pytest.approx(0.1 - 0.5 * 1.005)

@@ -14,13 +14,13 @@ from shields.backup.stop_hull import (
     POSITION,
     SNAP,
     Attempt,
+    bodies_are_clear,
     is_clear_at_once,
     keeps_snap_and_jerk,
     keeps_thrust,
     moves_away,
     plane_separates,
     scaled,
-    spheres_are_clear,
 )
 from shields.backup.stored_stop import NOTHING, SEGMENTS, dead_beat_snap
 from shields.chains.flat_state import Flat, flown
@@ -85,7 +85,7 @@ def test_what_is_clear_at_once_is_clear_at_every_instant(seed, limits, moving):
     velocity = rng.normal(size=(2, 3)) * (0.8 if moving else 0.0)
     radius = rng.uniform(0.1, 1.0, 2)
     spheres = (center[None], velocity[None], radius[None])
-    if not is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 1.0, limits):
+    if not is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 0.0, limits):
         return
     # Rounding of the control points.
     later = np.concatenate([times, times[-1] + np.linspace(0.0, 20.0, 200)])
@@ -106,7 +106,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
     far = (np.array([[[30.0, 0.0, 0.0]]]), np.zeros((1, 1, 3)), np.ones((1, 1)))
     for _ in range(200):
         x = state(rng, 0.3)
-        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Bodies(*far), 1.0, FREE)
+        count += is_clear_at_once(0, held(x, NOTHING), 0.4, Bodies(*far), 0.0, FREE)
     assert count >= 190
 
 
@@ -114,7 +114,7 @@ def test_most_slow_flights_in_the_open_are_clear_at_once():
 def test_each_limit_alone_is_noticed():
     def clear(x, snap=NOTHING, h=0.4, limits=FREE, center=(30.0, 0.0, 0.0), velocity=NOTHING):
         spheres = (np.array([[center]]), np.array([[velocity]]), np.ones((1, 1)))
-        return is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 1.0, limits)
+        return is_clear_at_once(0, held(x, snap), h, Bodies(*spheres), 0.0, limits)
 
     hover = Flat(NOTHING, NOTHING, NOTHING, NOTHING)
     fast = hover._replace(v=(1.0, 0.0, 0.0))
@@ -164,7 +164,9 @@ def test_a_plane_separates_up_to_the_nearest_control_point(period):
         nearest.add(int(np.argmin(distances)))
         attempt, gap = held(x, snap, period), tuple(np.array(x.r) - center)
         for keep, expected in ((min(distances) - 1e-9, True), (min(distances) + 1e-9, False)):
-            found = plane_separates(tuple(n), keep, gap, tuple(velocity), attempt, scaled(attempt.after, h))
+            found = plane_separates(
+                None, tuple(n), keep, gap, tuple(velocity), attempt, scaled(attempt.after, h)
+            )
             assert found == expected
     # in a long period each of its points is the nearest one now and then
     assert len(nearest) >= 6 and (period == PERIOD or {0, 1, 2, 3} <= nearest)
@@ -203,7 +205,7 @@ def test_a_sphere_keeps_away_from_a_resting_vehicle_as_far_as_it_ever_comes():
         ((3.0, 4.0, 0.0), (-2.0, 0.0, 0.0), 5.0),
         ((3.0, 4.0, 0.0), (0.0, 0.0, 0.0), 5.0),
     ):
-        assert moves_away(gap, velocity, least) and not moves_away(gap, velocity, least + 1e-12)
+        assert moves_away(None, gap, velocity, least) and not moves_away(None, gap, velocity, least + 1e-12)
 
 
 @pytest.mark.interpreted
@@ -214,7 +216,7 @@ def test_any_sphere_of_the_row_and_no_other_row_can_be_in_the_way():
 
     def clear(i, share):
         spheres = Bodies(center, np.zeros((2, 2, 3)), radius)
-        return spheres_are_clear(i, held(hover, NOTHING), scaled(hover, 0.4), spheres, share)
+        return bodies_are_clear(i, held(hover, NOTHING), scaled(hover, 0.4), spheres, share)
 
-    assert clear(0, 1.0) and clear(0, 8.9) and not clear(0, 9.1)
-    assert clear(1, 1.0) and not clear(1, 1.1)
+    assert clear(0, 0.0) and clear(0, 7.9) and not clear(0, 8.1)
+    assert clear(1, 0.0) and not clear(1, 0.1)

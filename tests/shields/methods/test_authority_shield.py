@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.authority import Authority, acceleration_along
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking import BrakingSet
 from shields.chains.flat_state import Flat, flown
 from shields.filters.braking_held import sampled_braking_input
+from shields.interface.bodies import Kept
 from shields.interface.row_checks import BRAKING_POLE
 from shields.methods.authority_limits import limit_demand
 from shields.methods.flight_bounds import RESERVED
@@ -52,7 +54,7 @@ def fly(shield, rng, seconds=4.0):
     for step in range(int(seconds / PERIOD)):
         if step % 10 == 0:
             goal = rng.normal(size=(ROWS, 3)) * rng.choice([50.0, 400.0, 4000.0], (ROWS, 1))
-        answer = shield.filter(flat, center, radius, goal, PERIOD)
+        answer = shield.filter(flat, Obstacles.spheres(center, radius), goal, PERIOD)
         assert answer.certified.all()
         snaps.append(answer.snap)
         for t in np.linspace(PERIOD / 10, PERIOD, 10):
@@ -86,7 +88,7 @@ def test_with_free_numbers_the_same_attack_leaves_it():
 def test_what_is_within_the_authority_and_can_be_stopped_passes_bit_for_bit():
     flat, wanted = np.zeros((4, 3)), np.array([30.0, -10.0, 20.0])
     flat[1] = [0.5, 0.0, 0.0]
-    answer = Shield(authority=LIMITS).filter(flat, [[50.0, 0.0, 0.0]], [1.0], wanted, PERIOD)
+    answer = Shield(authority=LIMITS).filter(flat, Obstacles.spheres([[50.0, 0.0, 0.0]], [1.0]), wanted, PERIOD)
     assert np.array_equal(answer.snap, wanted) and not answer.intervened and answer.certified
     assert answer.obstacle == -1 and answer.correction == 0.0
 
@@ -94,7 +96,9 @@ def test_what_is_within_the_authority_and_can_be_stopped_passes_bit_for_bit():
 @pytest.mark.interpreted
 def test_beyond_the_authority_the_snap_is_shortened_and_no_sphere_is_blamed():
     wanted = np.array([4000.0, 0.0, 0.0])
-    answer = Shield(authority=LIMITS).filter(np.zeros((4, 3)), [[0.0, 50.0, 0.0]], [1.0], wanted, PERIOD)
+    answer = Shield(authority=LIMITS).filter(
+        np.zeros((4, 3)), Obstacles.spheres([[0.0, 50.0, 0.0]], [1.0]), wanted, PERIOD
+    )
     assert answer.intervened and answer.obstacle == -1 and answer.certified
     assert answer.snap[0] == pytest.approx(LIMITS.snap_max, rel=1e-12)
 
@@ -123,7 +127,7 @@ def test_half_spaces_are_those_of_the_braking_set_along_the_normal():
         n /= np.linalg.norm(n)
         x = Flat(*(tuple(row) for row in rng.normal(size=(4, 3)) * [[3.0], [2.0], [2.0], [10.0]]))
         wanted = rng.normal(size=3) * 300.0
-        demand = demand_along(tuple(n), x, tuple(wanted), 1.0, sampling)
+        demand = demand_along(tuple(n), x, tuple(wanted), Kept(1.0, None, None), sampling)
         chain = [np.dot(n, part) for part in (x.j, x.a, x.v, x.r)]
         reach = float(LIMITS.acceleration_along(n))
         limits = BrakingSet(1.0, LIMITS.jerk_max, reach, -LIMITS.snap_max, LIMITS.snap_max)
@@ -167,7 +171,7 @@ def test_a_vehicle_beyond_its_authority_is_brought_back():
     shield, reached = Shield(authority=LIMITS), False
     assert thrust(flat) > LIMITS.thrust_max and np.linalg.norm(flat[3]) > LIMITS.jerk_max
     for _ in range(200):
-        answer = shield.filter(flat, [[0.0, 0.0, 300.0]], [1.0], [0.0, 0.0, 0.0], PERIOD)
+        answer = shield.filter(flat, Obstacles.spheres([[0.0, 0.0, 300.0]], [1.0]), [0.0, 0.0, 0.0], PERIOD)
         flat = after(flat, answer.snap, PERIOD)
         is_in = thrust(flat) <= LIMITS.thrust_max and np.linalg.norm(flat[3]) <= LIMITS.jerk_max
         assert is_in or not reached
@@ -182,7 +186,9 @@ def test_where_its_limits_conflict_a_vehicle_brakes(radius):
     conflicts = 0
     for _ in range(200):
         flat = rng.normal(size=(4, 3)) * [[0.0], [5.0], [60.0], [3000.0]]
-        answer = Shield(authority=LIMITS).filter(flat, center, radius, rng.normal(size=3) * 1e3, PERIOD)
+        answer = Shield(authority=LIMITS).filter(
+            flat, Obstacles.spheres(center, radius), rng.normal(size=3) * 1e3, PERIOD
+        )
         assert np.isfinite(answer.snap).all()
         assert np.linalg.norm(answer.snap) <= LIMITS.snap_max * (1 + 1e-12)
         k_v, k_a, k_j = held_gains(3, BRAKING_POLE, PERIOD)

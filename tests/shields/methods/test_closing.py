@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from quadsafe_core.shapes import Obstacles
 from shields import Shield
 
 # Each with its order in the flat state, and a bound.
@@ -45,7 +46,7 @@ def attacked(name, rate, n=64, seconds=6.0):
         wanted = np.where(rng.random((n, 1)) < 0.1, rng.uniform(-400.0, 400.0, (n, 3)), wanted)
         asked = wanted - 100.0 * np.maximum(np.linalg.norm(x[:, 0], axis=1) - 2.0, 0.0)[:, None] * line
         asked = asked - 60.0 * x[:, 1] - 30.0 * x[:, 2] - 8.0 * x[:, 3]
-        answer = shield.filter(x, np.zeros((n, 1, 3)), np.full((n, 1), 0.5), asked, period)
+        answer = shield.filter(x, Obstacles.spheres(np.zeros((n, 1, 3)), np.full((n, 1), 0.5)), asked, period)
         is_kept = ~answer.refused & answer.in_set
         for t in np.linspace(0.0, period, 9)[1:]:
             then = moved(x, answer.snap, t)

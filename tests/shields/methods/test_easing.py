@@ -9,10 +9,12 @@ import pytest
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
 from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_value
+from shields.interface.bodies import Kept
 from shields.methods.easing import (
     POLE,
     Easing,
@@ -106,7 +108,7 @@ def test_at_the_border_the_set_is_kept_but_for_a_share_of_the_margin():
     for _ in range(300):
         y = state_of(rng.uniform(-0.1, 1.0, 4) * U_MAX, easing, period)
         x = Flat(*((y[i] + (distance if i == 3 else 0.0), 0.0, 0.0) for i in (3, 2, 1, 0)))
-        demand = demand_along((1.0, 0.0, 0.0), x, (-1e4, 0.0, 0.0), distance, sampling)
+        demand = demand_along((1.0, 0.0, 0.0), x, (-1e4, 0.0, 0.0), Kept(distance, None, None), sampling)
         if demand.is_admissible:
             seen += 1
             assert -0.2 * U_MAX <= demand.least <= U_MAX
@@ -123,7 +125,7 @@ def test_in_flight_the_half_space_is_that_of_the_set():
     for _ in range(200):
         x = Flat(*(tuple(row) for row in rng.normal(size=(4, 3)) * [[0.1], [1.0], [3.0], [10.0]]))
         x = x._replace(r=(rng.uniform(1.1, 3.0), 0.0, 0.0))
-        arguments = ((1.0, 0.0, 0.0), x, tuple(rng.normal(size=3) * 300), 1.005)
+        arguments = ((1.0, 0.0, 0.0), x, tuple(rng.normal(size=3) * 300), Kept(1.005, None, None))
         assert demand_along(*arguments, plain) == demand_along(*arguments, eased)
 
 
@@ -142,7 +144,7 @@ def pushed(settings, rate, scene, speed, seconds=9.0):
     gains, positions, snaps, certified = held_gains(3, 6.0, period), [], [], True
     for _ in range(round(seconds * rate)):
         wanted = gains[0] * speed * np.array(push) - np.einsum("o,oi->i", gains, flat[1:])
-        answer = shield.filter(flat, center, radius, wanted, period)
+        answer = shield.filter(flat, Obstacles.spheres(center, radius), wanted, period)
         certified &= bool(answer.certified)
         positions.append(flat[0]), snaps.append(answer.snap)
         x = flown(Flat(*(tuple(row) for row in flat)), tuple(answer.snap), period)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from quadsafe_core.authority import Authority
 from shields.chains.flat_state import Flat, flown
 from shields.chains.integrator import lower_value
-from shields.chains.radial import line_of_sight
 from shields.filters.sampled import sampled_input
+from shields.interface.bodies import Kept, look_at
 from shields.methods.authority_limits import limit_demand
 from shields.methods.halfspace import (
     Demand,
@@ -25,6 +25,7 @@ from shields.methods.halfspace import (
 )
 
 U_MAX, ALPHA, DISTANCE = 200.0, 2.0, 0.5
+KEPT = Kept(DISTANCE, None, None)
 PERIODS = [0.05, 0.01, 0.001]
 SEEDS = st.integers(0, 2**32 - 1)
 NO_NORMAL = (0.0, 0.0, 0.0)
@@ -51,13 +52,18 @@ def unit(rng):
     return three(n / np.linalg.norm(n))
 
 
+def sight_of(x):
+    """The direction away from a sphere."""
+    return look_at(None, x.r)[1]
+
+
 @settings(max_examples=300, deadline=None)
 @given(SEEDS, st.sampled_from(PERIODS))
 def test_the_chosen_direction_costs_no_more_than_the_line_of_sight(seed, period):
     rng = np.random.default_rng(seed)
     x, wanted, sampling = approach(rng), three(rng.normal(size=3) * 500), sampling_at(period)
-    chosen = distance_demand(x, unit(rng), wanted, DISTANCE, sampling)
-    sight = demand_along(line_of_sight(x.r)[1], x, wanted, DISTANCE, sampling)
+    chosen = distance_demand(x, sight_of(x), unit(rng), wanted, KEPT, sampling)
+    sight = demand_along(sight_of(x), x, wanted, KEPT, sampling)
     if sight.is_admissible:
         assert chosen.is_admissible
         assert excess(chosen, wanted) <= excess(sight, wanted)
@@ -75,13 +81,13 @@ def test_the_last_normal_stays_admissible_when_its_demand_was_flown(period):
         x, last = approach(rng), NO_NORMAL
         for _ in range(30):
             wanted = three(rng.normal(size=3) * 2000)
-            demand = distance_demand(x, last, wanted, DISTANCE, sampling)
+            demand = distance_demand(x, sight_of(x), last, wanted, KEPT, sampling)
             if not demand.is_admissible:
                 break
             # Flown as asked: the nearest snap in the half-space.
             snap = np.add(wanted, excess(demand, wanted) * np.array(demand.n))
             x, last = flown(x, three(snap), period), demand.n
-            again = demand_along(last, x, wanted, DISTANCE, sampling)
+            again = demand_along(last, x, wanted, KEPT, sampling)
             assert again.is_admissible
             kept += 1
     assert kept > 500
@@ -94,7 +100,7 @@ def test_the_distance_along_the_normal_is_kept_between_samples_too(period):
     sampling, flights = sampling_at(period), 0
     for _ in range(600):
         x, wanted = approach(rng), three(rng.normal(size=3) * 2000)
-        demand = distance_demand(x, NO_NORMAL, wanted, DISTANCE, sampling)
+        demand = distance_demand(x, sight_of(x), NO_NORMAL, wanted, KEPT, sampling)
         if demand.is_admissible:
             flights += 1
             snap = three(np.add(wanted, excess(demand, wanted) * np.array(demand.n)))
@@ -109,7 +115,7 @@ def test_the_distance_along_the_normal_is_kept_between_samples_too(period):
 @pytest.mark.interpreted
 def test_what_is_inside_the_half_space_is_the_demand_itself():
     x = Flat((2.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    demand = distance_demand(x, NO_NORMAL, (-1.0, 5.0, 0.0), DISTANCE, sampling_at(0.01))
+    demand = distance_demand(x, sight_of(x), NO_NORMAL, (-1.0, 5.0, 0.0), KEPT, sampling_at(0.01))
     assert demand.n == (1.0, 0.0, 0.0)
     assert demand.least == -1.0
     assert demand.is_admissible
@@ -121,8 +127,8 @@ def test_what_is_inside_the_half_space_is_the_demand_itself():
 def test_a_passing_flight_takes_the_direction_of_closest_approach():
     # 0.6 m beside the sphere, fast: along the line of sight it comes closer than it ever will.
     x = Flat((-1.0, 0.6, 0.0), (6.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    np.testing.assert_allclose(closest_approach(x), (0.0, 0.6, 0.0), atol=1e-15)
-    demand = distance_demand(x, NO_NORMAL, (0.0, 0.0, 0.0), DISTANCE, sampling_at(0.01))
+    np.testing.assert_allclose(closest_approach(x.r, x.v), (0.0, 0.6, 0.0), atol=1e-15)
+    demand = distance_demand(x, sight_of(x), NO_NORMAL, (0.0, 0.0, 0.0), KEPT, sampling_at(0.01))
     np.testing.assert_allclose(demand.n, (0.0, 1.0, 0.0), atol=1e-15)
     assert demand.is_admissible
     assert excess(demand, (0.0, 0.0, 0.0)) == 0.0
@@ -131,26 +137,26 @@ def test_a_passing_flight_takes_the_direction_of_closest_approach():
 @pytest.mark.interpreted
 def test_a_slow_flight_has_its_closest_approach_ahead_too():
     x = Flat((0.3, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
-    assert closest_approach(x) == pytest.approx((0.0, 0.4, 0.0))
+    assert closest_approach(x.r, x.v) == pytest.approx((0.0, 0.4, 0.0))
     far = Flat((3.0, 0.4, 0.0), (-0.2, 0.0, 0.0), NO_NORMAL, NO_NORMAL)
-    assert closest_approach(far) == pytest.approx((2.6, 0.4, 0.0))  # after 2 s
+    assert closest_approach(far.r, far.v) == pytest.approx((2.6, 0.4, 0.0))  # after 2 s
 
 
 @pytest.mark.interpreted
 def test_at_rest_and_behind_the_closest_approach_is_now():
     rest = Flat((1.0, 2.0, 3.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert closest_approach(rest) == rest.r
+    assert closest_approach(rest.r, rest.v) == rest.r
     away = Flat((1.0, 2.0, 3.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-    assert closest_approach(away) == away.r
+    assert closest_approach(away.r, away.v) == away.r
 
 
 @pytest.mark.interpreted
 def test_the_first_of_equal_demands_is_preferred():
     x = Flat((2.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     wanted, sampling = (0.0, 0.0, 0.0), sampling_at(0.01)
-    first = demand_along((1.0, 0.0, 0.0), x, wanted, DISTANCE, sampling)
-    second = demand_along((0.8, 0.6, 0.0), x, wanted, DISTANCE, sampling)
-    inside = demand_along((0.0, 1.0, 0.0), x, wanted, DISTANCE, sampling)
+    first = demand_along((1.0, 0.0, 0.0), x, wanted, KEPT, sampling)
+    second = demand_along((0.8, 0.6, 0.0), x, wanted, KEPT, sampling)
+    inside = demand_along((0.0, 1.0, 0.0), x, wanted, KEPT, sampling)
     assert preferred(first, second, wanted) == first
     assert preferred(second, first, wanted) == second
     # Across the line of sight the distance is 0: not in the set.

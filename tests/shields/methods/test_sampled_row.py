@@ -7,14 +7,16 @@ import pytest
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.maths.feedback import held_gains
+from quadsafe_core.shapes import Obstacles
 from shields import Shield
 from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, standing
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
 from shields.chains.flat_state import Flat, flown
 from shields.filters.sampled import sampled_input
+from shields.interface.bodies import as_one_row
 from shields.interface.filtered import FACTS
-from shields.interface.records import Bodies, Demand, FlightLimits, MovingBodies, ThrustBand
+from shields.interface.records import Demand, FlightLimits, MovingBodies, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, braking, opened
 from shields.methods.authority_limits import limit_demand
 from shields.methods.easing import POLE
@@ -268,7 +270,8 @@ def test_the_largest_correction_names_the_sphere_and_the_largest_input_is_the_re
 def test_chosen_half_spaces_enter_as_they_were_remembered():
     row = row_of((1.0, 0.0, 0.0, 2.0), (0.0, 1.0, 0.0, 9.0), (0.0, 0.0, 1.0, -1.0))
     spaces = no_half_spaces(3)
-    found = cut_as_chosen((0.0, 0.0, 0.0), np.array([1.0, 0.0, 1.0]), row, spaces)
+    spheres = spheres_at((NOTHING, 1.0), (NOTHING, 0.0), (NOTHING, 1.0))
+    found = cut_as_chosen((0.0, 0.0, 0.0), spheres, row, spaces)
     assert found == (True, 2.0) and row.fact["obstacle"] == 0.0
     # The second sphere is absent, the third asks for nothing.
     assert spaces.offsets[:3].tolist() == [2.0, -math.inf, -math.inf]
@@ -291,7 +294,7 @@ def test_a_snap_is_shortened_along_the_way_to_the_least_one():
 @pytest.mark.interpreted
 def test_directions_values_and_where_the_vehicle_is():
     settings = settings_of()
-    spheres = Bodies(*(x[None] for x in spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0))))
+    spheres = as_one_row(spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0)))
     chosen, fact = np.zeros(3, dtype=HALF_SPACE), open_fact()
     rows = (spheres, chosen, settings, fact)
     assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
@@ -357,7 +360,7 @@ def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
     flat[:, 1] = 0.1, 0.2, 0.3
     center, radius = np.full((3, 2, 3), 2.0), np.ones((3, 2))
     shield = Shield()
-    shield.filter(flat, center, radius, np.zeros((3, 3)), PERIOD)
+    shield.filter(flat, Obstacles.spheres(center, radius), np.zeros((3, 3)), PERIOD)
 
     def parts():
         return sampled_memory(shield.snapshot()["memory"], 3, 2)[0].rows

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import quadsafe_env  # noqa: F401
+from quadsafe_core.shapes import Obstacles
 from quadsafe_env.vehicle.params import PRESETS
 from shields import Authority, Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.slot.recorder import Recorder
@@ -174,13 +175,13 @@ def test_what_was_told_is_no_surprise(told):
 @pytest.mark.interpreted
 def test_a_state_beyond_the_declared_error_surprises_in_its_period():
     shield, flat = Shield(uncertainty=Uncertainty(position=0.01, snap=5.0)), np.zeros((2, 4, 3))
-    recorder, far = Recorder(shield, 2), (np.full((2, 1, 3), 9.0), np.full((2, 1), 1.0))
+    recorder, far = Recorder(shield, 2), Obstacles.spheres(np.full((2, 1, 3), 9.0), np.full((2, 1), 1.0))
     for push, is_off in ((0.0, False), (0.015, False), (0.05, True)):
         recorder.begin()
         flat[1, 0, 0] += push
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            recorder.filter(flat, *far, np.zeros((2, 3)), 0.02)
+            recorder.filter(flat, far, np.zeros((2, 3)), 0.02)
         assert recorder.summary(np.ones(2, dtype=bool))["surprised"].tolist() == [False, is_off]
         assert len(said) == is_off
 
@@ -192,11 +193,11 @@ def test_certified_speaks_of_the_vehicle_as_it_is(delay):
     shield, period = Shield(uncertainty=Uncertainty(snap=1.0, delay=delay)), 0.05
     flat = np.zeros((4, 3))
     flat[0], flat[1] = (-0.95, 0.0, 0.0), (-2.0, 0.0, 0.0)
-    inside = shield.filter(flat, [[0.0, 0.0, 0.0]], [1.0], [0.0, 0.0, 0.0], period)
+    inside = shield.filter(flat, Obstacles.spheres([[0.0, 0.0, 0.0]], [1.0]), [0.0, 0.0, 0.0], period)
     assert not inside.certified and inside.fallback
     shield.reset()
     flat[0] = (-1.5, 0.0, 0.0)
-    assert shield.filter(flat, [[0.0, 0.0, 0.0]], [1.0], [0.0, 0.0, 0.0], period).certified
+    assert shield.filter(flat, Obstacles.spheres([[0.0, 0.0, 0.0]], [1.0]), [0.0, 0.0, 0.0], period).certified
 
 
 @pytest.mark.interpreted
@@ -206,5 +207,11 @@ def test_on_the_way_to_its_first_answer_a_vehicle_must_be_clear_for_sure():
     for side in (1.6, 1.05, 0.9):
         shield = Shield(uncertainty=Uncertainty(position=0.1, delay=5))
         flat[0], flat[1] = (-1.0, side, 0.0), (8.0, 0.0, 0.0)
-        claims.append(bool(shield.filter(flat, [[0.0, 0.0, 0.0]], [1.0], [0.0, 0.0, 0.0], 0.05).certified))
+        claims.append(
+            bool(
+                shield.filter(
+                    flat, Obstacles.spheres([[0.0, 0.0, 0.0]], [1.0]), [0.0, 0.0, 0.0], 0.05
+                ).certified
+            )
+        )
     assert claims == [True, False, False]

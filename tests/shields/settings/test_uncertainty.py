@@ -10,6 +10,7 @@ import pytest
 from house import ROOT
 
 from quadsafe_core.authority import Authority
+from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.uncertainty import (
@@ -156,7 +157,7 @@ def test_within_an_authority_the_vehicle_keeps_to_it_despite_the_errors():
         signs /= np.linalg.norm(signs, axis=2, keepdims=True)
         wish = 400 * (np.array([2.0, 0, 0]) - x[:, 0]) - 320 * x[:, 1] - 96 * x[:, 2] - 14 * x[:, 3]
         estimate = x + np.array(bounds[:4])[:, None] * signs[:, :4]
-        answer = shield.filter(estimate, center, radius, 10 * wish, period)
+        answer = shield.filter(estimate, Obstacles.spheres(center, radius), 10 * wish, period)
         assert answer.certified.all()
         assert np.linalg.norm(answer.snap, axis=1).max() <= VEHICLE.snap_max * (1 + 1e-12)
         x = moved(x, answer.snap + bounds.snap * signs[:, 4], period)
@@ -188,9 +189,11 @@ def test_with_a_delay_the_answer_is_that_for_the_state_at_which_it_is_flown(dela
             - 10 * later[:, 3]
             + rng.normal(size=(6, 3)) * 50
         )
-        now = delayed.filter(x, center + step * period * velocity, radius, wish, period, velocity=velocity)
+        now = delayed.filter(
+            x, Obstacles.spheres(center + step * period * velocity, radius, velocity), wish, period
+        )
         ahead = center + (step + delay) * period * velocity
-        then = prompt.filter(later, ahead, radius, wish, period, velocity=velocity)
+        then = prompt.filter(later, Obstacles.spheres(ahead, radius, velocity), wish, period)
         np.testing.assert_allclose(now.snap, then.snap, rtol=1e-6, atol=1e-6)
         queue.append(now.snap)
         x, later = moved(x, queue.pop(0), period), moved(later, now.snap, period)
@@ -202,7 +205,9 @@ def test_lost_for_good_the_vehicle_stops_and_rests():
     shield, period = Shield(uncertainty={"losses": True}), 0.02
     x, center, radius = np.zeros((4, 3)), np.array([[1.5, 0.0, 0.0]]), np.array([0.5])
     for step in range(400):
-        answer = shield.filter(x, center, radius, np.array([150.0, 20.0, 0.0]) - 10 * x[1] - 5 * x[3], period)
+        answer = shield.filter(
+            x, Obstacles.spheres(center, radius), np.array([150.0, 20.0, 0.0]) - 10 * x[1] - 5 * x[3], period
+        )
         is_lost = step >= 60
         x = moved(x, shield.backup(np.True_) if is_lost else answer.snap, period)
         assert np.linalg.norm(x[0] - center[0]) >= 0.5 and answer.certified
@@ -217,7 +222,7 @@ def test_a_start_with_more_jerk_than_the_vehicle_has_is_not_certified_until_it_h
     x, center, radius = np.zeros((4, 3)), np.full((1, 3), 50.0), np.array([0.5])
     x[3, 0] = 50.0
     for _ in range(20):
-        answer = shield.filter(x, center, radius, np.full(3, wanted), period)
+        answer = shield.filter(x, Obstacles.spheres(center, radius), np.full(3, wanted), period)
         certified.append(bool(answer.certified))
         assert not answer.certified or np.linalg.norm(x[3]) <= VEHICLE.jerk_max
         x = moved(x, answer.snap, period)
@@ -226,7 +231,7 @@ def test_a_start_with_more_jerk_than_the_vehicle_has_is_not_certified_until_it_h
 
 def test_with_a_gain_no_backup_is_longer_than_the_snap_that_its_bound_counts_on():
     shield = Shield(uncertainty={"gain": 0.05, "losses": True})
-    x, args = np.zeros((4, 3)), (np.full((1, 3), 50.0), np.array([0.5]), np.zeros(3), 0.02)
+    x, args = np.zeros((4, 3)), (Obstacles.spheres(np.full((1, 3), 50.0), np.array([0.5])), np.zeros(3), 0.02)
     shield.filter(x, *args)
     # Far off its stop, by an error beyond the bounds.
     x[0] = 1.0
@@ -241,7 +246,7 @@ def test_losses_of_one_row_do_not_touch_another():
     x[:, 0] = [[-1.0, 0, 0], [0, 1.2, 0]]
     center, radius, snap = np.zeros((2, 1, 3)), np.full((2, 1), 0.4), np.array([[90.0, 0, 0], [0, -90.0, 3.0]])
     for step in range(40):
-        one, both = (shield.filter(x, center, radius, snap, 0.02) for shield in shields)
+        one, both = (shield.filter(x, Obstacles.spheres(center, radius), snap, 0.02) for shield in shields)
         np.testing.assert_array_equal(one.snap[1], both.snap[1])
         mask = np.array([step % 3 == 1, False])
         instead = shields[1].backup(mask)
@@ -255,14 +260,16 @@ def test_losses_of_one_row_do_not_touch_another():
 @pytest.mark.interpreted
 def test_a_vehicle_that_was_told_nothing_yet_rests_or_brakes():
     shield = Shield(uncertainty={"losses": True, "delay": 2})
-    shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.full(3, 50.0), 0.02)
+    shield.filter(
+        np.zeros((4, 3)), Obstacles.spheres(np.full((1, 3), 2.0), np.array([0.5])), np.full(3, 50.0), 0.02
+    )
     assert not shield.backup(np.True_).any()
     x, center, radius = np.zeros((4, 3)), np.full((1, 3), 50.0), np.array([0.5])
     x[1, 0] = 3.0
     late = Shield(uncertainty={"losses": True})
     for _ in range(300):
         late.reset()
-        late.filter(x, center, radius, np.full(3, 50.0), 0.02)
+        late.filter(x, Obstacles.spheres(center, radius), np.full(3, 50.0), 0.02)
         x = moved(x, late.backup(np.True_), 0.02)
     assert np.linalg.norm(x[1]) < 0.01
 
@@ -273,7 +280,7 @@ def test_a_second_backup_in_a_period_is_the_same():
     x, center, radius = np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5])
     for step in range(30):
         for shield in (once, twice):
-            shield.filter(x, center, radius, np.full(3, 50.0), 0.02)
+            shield.filter(x, Obstacles.spheres(center, radius), np.full(3, 50.0), 0.02)
         if step % 3 == 2:
             first = once.backup(np.True_)
             twice.backup(np.True_)
@@ -283,7 +290,8 @@ def test_a_second_backup_in_a_period_is_the_same():
 
 @pytest.mark.interpreted
 def test_reset_forgets_what_was_on_its_way():
-    args = (np.zeros((2, 4, 3)), np.full((2, 1, 3), 2.0), np.full((2, 1), 0.5), np.full((2, 3), 50.0), 0.02)
+    spheres = Obstacles.spheres(np.full((2, 1, 3), 2.0), np.full((2, 1), 0.5))
+    args = (np.zeros((2, 4, 3)), spheres, np.full((2, 3), 50.0), 0.02)
     shield, fresh = Shield(uncertainty=ALL), Shield(uncertainty=ALL)
     for _ in range(3):
         shield.filter(*args)
@@ -305,7 +313,7 @@ def test_errors_far_beyond_the_bounds_end_the_certificate_and_nothing_else():
         x = np.zeros((4, 3))
         x[0] = rng.normal(size=3)
         x[1] = 5 * rng.normal(size=3)
-        answer = shield.filter(x, center, radius, -300 * x[0], 0.02)
+        answer = shield.filter(x, Obstacles.spheres(center, radius), -300 * x[0], 0.02)
         assert np.isfinite(answer.snap).all()
         certified.append(answer.certified)
     assert not all(certified)
@@ -317,7 +325,7 @@ def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
     x, center, radius, certified = np.zeros((4, 3)), np.zeros((1, 3)), np.array([0.5]), []
     x[0, 0] = 0.51
     for _ in range(100):
-        answer = shield.filter(x, center, radius, np.zeros(3), period)
+        answer = shield.filter(x, Obstacles.spheres(center, radius), np.zeros(3), period)
         certified.append(bool(answer.certified))
         x = moved(x, answer.snap, period)
         assert np.linalg.norm(x[0]) >= 0.5
@@ -350,13 +358,15 @@ def test_more_than_half_of_the_vehicle_is_refused():
     for bound in ({"jerk": 500.0}, {"position": 1e308}):
         shield = Shield(uncertainty=bound)
         with np.errstate(all="ignore"), pytest.raises(ValueError, match="must leave half of snap, jerk"):
-            shield.filter(np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.zeros(3), 0.02)
+            shield.filter(
+                np.zeros((4, 3)), Obstacles.spheres(np.full((1, 3), 2.0), np.array([0.5])), np.zeros(3), 0.02
+            )
     for period in (1e-5, 2.1, 1e200):
         with pytest.raises(
             ValueError, match=r"period must be (from 0\.0001 to 2 s where errors|in seconds and)"
         ):
             Shield(uncertainty={"delay": 1}).filter(
-                np.zeros((4, 3)), np.full((1, 3), 2.0), np.array([0.5]), np.zeros(3), period
+                np.zeros((4, 3)), Obstacles.spheres(np.full((1, 3), 2.0), np.array([0.5])), np.zeros(3), period
             )
     with pytest.raises(ValueError, match="needs method 'sampled', got 'cbf'"):
         Shield(method="cbf", uncertainty={"wind": 0.1})
@@ -439,7 +449,12 @@ def test_backup_is_only_for_a_shield_that_counts_on_losses():
     shield = Shield(uncertainty={"losses": True})
     with pytest.raises(ValueError, match="must follow a call of filter"):
         shield.backup(np.True_)
-    shield.filter(np.zeros((2, 4, 3)), np.full((2, 1, 3), 2.0), np.full((2, 1), 0.5), np.zeros((2, 3)), 0.02)
+    shield.filter(
+        np.zeros((2, 4, 3)),
+        Obstacles.spheres(np.full((2, 1, 3), 2.0), np.full((2, 1), 0.5)),
+        np.zeros((2, 3)),
+        0.02,
+    )
     with pytest.raises(ValueError, match=r"mask must be booleans of shape \(2,\)"):
         shield.backup([1, 0])
 

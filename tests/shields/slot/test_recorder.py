@@ -32,7 +32,7 @@ class Script:
     def __init__(self, *answers):
         self.answers = list(answers)
 
-    def filter(self, flat, center, radius, snap, period):
+    def filter(self, flat, obstacles, snap, period):
         rows = self.answers.pop(0)
         snaps = [snap for snap, _ in rows]
         facts = [[float((NOTHING | special)[name]) for name in FIELDS[1:]] for _, special in rows]
@@ -43,7 +43,7 @@ def recorded(*answers, desired=((1.0, 2.0, 3.0), (4.0, 5.0, 6.0))):
     """The summary after a step of these answers, and the recorder."""
     recorder = Recorder(Script(*answers), 2)  # type: ignore[arg-type]
     for _ in answers:
-        recorder.filter(np.zeros((2, 4, 3)), None, None, np.array(desired), 0.01)
+        recorder.filter(np.zeros((2, 4, 3)), None, np.array(desired), 0.01)
     return recorder.summary(np.array([True, False])), recorder
 
 
@@ -104,7 +104,7 @@ def test_the_next_step_starts_anew():
     assert not recorder.intervened_share().any()
     assert not recorder.summary(np.ones(2, dtype=bool))["stopped"].any()
     recorder.shield.answers.append([((0.0, 0.0, 0.0), {})] * 2)  # type: ignore[attr-defined]
-    recorder.filter(np.zeros((2, 4, 3)), None, None, np.zeros((2, 3)), 0.01)
+    recorder.filter(np.zeros((2, 4, 3)), None, np.zeros((2, 3)), 0.01)
     told = recorder.summary(np.ones(2, dtype=bool))
     assert told["interventions"].tolist() == [0, 0] and told["certified"].all() and told["in_set"].all()
 
@@ -125,7 +125,7 @@ def told_after(*calls):
     recorder.begin()
     for rows in calls:
         if rows is None:
-            recorder.filter(np.zeros((2, 4, 3)), None, None, np.ones((2, 3)), 0.01)
+            recorder.filter(np.zeros((2, 4, 3)), None, np.ones((2, 3)), 0.01)
         else:
             recorder.reset(np.array(rows))
     return recorder.summary(np.ones(2, dtype=bool)), recorder
@@ -161,7 +161,7 @@ def test_the_only_row_is_told_as_the_rows_are():
     told, _ = recorded([((7.0, 8.0, 9.0), dict(correction=1.0, obstacle=3, fallback=True))] * 2)
     script = Script([((7.0, 8.0, 9.0), dict(correction=1.0, obstacle=3, fallback=True))])
     recorder = Recorder(script, 1)  # type: ignore[arg-type]
-    recorder.filter(np.zeros((1, 4, 3)), None, None, np.array([[1.0, 2.0, 3.0]]), 0.01)
+    recorder.filter(np.zeros((1, 4, 3)), None, np.array([[1.0, 2.0, 3.0]]), 0.01)
     for name, entry in recorder.summary_of_one().items():
         assert np.array_equal(entry, told[name][0]), name
 
