@@ -127,7 +127,7 @@ def test_geoms_of_all_kinds_are_where_mujoco_measures_them(hall):
         points = rng.uniform(-5, 5, (200, 3))
         points = np.vstack([points, shape.nearest(points) + rng.normal(scale=0.1, size=(200, 3))])
         measured = distances(model, data, name, points)
-        assert (measured < 0).sum() > 10 and (measured > 0).sum() > 100
+        assert (measured < 0).any() and (measured > 0).sum() > 100
         # MuJoCo iterates distances of meshes and ellipsoids, and depths in these to some 1e-4 only.
         allowed = np.where((measured < 0) & isinstance(shape, Ellipsoid), 1e-3, 1e-6)
         assert (np.abs(shape.distance(points) - measured) < allowed).all(), name
