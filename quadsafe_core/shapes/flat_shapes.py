@@ -1,5 +1,6 @@
 """Shapes with flat sides: boxes, hulls of points, half-spaces."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -10,19 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import finite_array
 from quadsafe_core.shapes.cores import BOX, HALF_SPACE, HULL
 from quadsafe_core.shapes.records import Body, as_written, frame_along
-from quadsafe_core.shapes.shape import (
-    AT_REST,
-    LARGEST,
-    ROUNDING,
-    Shape,
-    at_least,
-    axes_of,
-    bounded,
-    keep,
-    length,
-    point,
-    rotation_matrix,
-)
+from quadsafe_core.shapes.shape import AT_REST, LARGEST, ROUNDING, Shape, axes_of, bounded, keep, length, point
 
 
 @dataclass(frozen=True)
@@ -46,11 +35,8 @@ class Box(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
-        size = at_least("size", bounded("size", finite_array("size", self.size), (3,)), 0.0)
-        keep(self, center=point("center", self.center), size=tuple(size.tolist()))
-        keep(
-            self, rotation=rotation_matrix("rotation", self.rotation), velocity=point("velocity", self.velocity)
-        )
+        super().__post_init__()
+        keep(self, size=point("size", self.size, 0.0))
 
     def body(self) -> Body:
         """The box, and no ball."""
@@ -81,12 +67,11 @@ class Hull(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
+        super().__post_init__()
         points = finite_array("points", self.points)
         if points.ndim != 2 or points.shape[1] != 3 or not len(points):
             raise ValueError(f"points must have shape (V, 3) with V of 1 or more, got {points.shape}")
-        points = bounded("points", points, points.shape)
-        keep(self, points=tuple(tuple(row) for row in points.tolist()))
-        keep(self, radius=length("radius", self.radius), velocity=point("velocity", self.velocity))
+        keep(self, points=tuple(tuple(row) for row in bounded("points", points, points.shape).tolist()))
 
     def body(self) -> Body:
         """The vertices around the middle of the box around them, and a ball."""
@@ -122,21 +107,21 @@ class HalfSpace(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
-        normal, offset = np.array(point("normal", self.normal)), length("offset", self.offset, -LARGEST)
-        if point("velocity", self.velocity) != AT_REST:
+        super().__post_init__()
+        if self.velocity != AT_REST:
             raise ValueError(f"velocity of a half-space must be zero, got {self.velocity}")
-        size = np.abs(normal).max()
-        if size == 0.0:
+        normal, offset = np.array(point("normal", self.normal)), length("offset", self.offset, -LARGEST)
+        stretch = math.hypot(*normal.tolist())
+        if stretch == 0.0:
             raise ValueError(f"normal must be a vector of a length > 0, got {self.normal}")
-        stretch = float(size * np.linalg.norm(normal / size))
         if abs(stretch - 1.0) > ROUNDING:
             normal, offset = normal / stretch, length("offset / ‖normal‖", offset / stretch, -LARGEST)
-        keep(self, normal=tuple(normal.tolist()), offset=offset, velocity=AT_REST)
+        keep(self, normal=tuple(normal.tolist()), offset=offset)
 
     def body(self) -> Body:
         """A plane through its point nearest to the origin."""
         normal = np.array(self.normal)
-        return Body(HALF_SPACE, self.offset * normal, 0.0, frame_along(normal))
+        return Body(HALF_SPACE, self.offset * normal, 0.0, frame_along(self.normal))
 
     @classmethod
     def of_body(cls, body: Body, velocity: Sequence[float]) -> "HalfSpace":
@@ -159,7 +144,7 @@ class HalfSpace(Shape):
         found = finite_array("directions", directions, (3,))
         along = found @ np.array(self.normal)
         off = np.abs(found - along[..., None] * self.normal).max(axis=-1)
-        if (~(off <= ROUNDING * along)).any():
+        if ((along <= 0.0) | (off > ROUNDING * along)).any():
             raise ValueError(
                 f"directions must be along the normal {self.normal} of a half-space, got {directions}"
             )

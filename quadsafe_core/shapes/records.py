@@ -30,12 +30,12 @@ class Body(NamedTuple):
     vertices: NDArray[np.float64] = NO_VERTICES
 
 
-def frame_along(e: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Three axes, a row each, of which the first is the unit vector e."""
-    other = np.eye(3)[np.argmin(np.abs(e))]
-    across = np.cross(e, other)
-    across /= np.linalg.norm(across)
-    return np.array([e, across, np.cross(e, across)], dtype=np.float64)
+def frame_along(e: Sequence[float]) -> NDArray[np.float64]:
+    """Three axes, a row each, of which the first is the unit vector e (Duff et al., JCGT 6(1), 2017)."""
+    x, y, z = e
+    s = math.copysign(1.0, z)
+    a = -1.0 / (s + z)
+    return np.array([(x, y, z), (1.0 + s * x * x * a, s * x * y * a, -s * x), (x * y * a, s + y * y * a, -y)])
 
 
 def as_written(values: NDArray[np.float64], size: float) -> NDArray[np.float64]:

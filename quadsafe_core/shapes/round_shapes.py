@@ -8,21 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import finite_array
 from quadsafe_core.shapes.cores import CAPSULE, CYLINDER, ELLIPSOID, SPHERE
 from quadsafe_core.shapes.records import Body, as_written, frame_along
-from quadsafe_core.shapes.shape import (
-    AT_REST,
-    Point,
-    Shape,
-    at_least,
-    axes_of,
-    bounded,
-    keep,
-    length,
-    point,
-    rotation_matrix,
-)
+from quadsafe_core.shapes.shape import AT_REST, Point, Shape, axes_of, keep, point
 
 # The square of a shorter half axis times what stands for 0 is no float64, m.
 LEAST_AXIS = 1e-50
@@ -48,12 +36,9 @@ class Sphere(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
-        radius = length("radius", self.radius)
-        if radius == 0.0:
+        super().__post_init__()
+        if self.radius == 0.0:
             raise ValueError("radius must be a number > 0, got 0.0")
-        keep(
-            self, center=point("center", self.center), radius=radius, velocity=point("velocity", self.velocity)
-        )
 
     def body(self) -> Body:
         """The centre, and a ball."""
@@ -84,15 +69,6 @@ class Capsule(Shape):
     end: Any
     radius: float
     velocity: Any = AT_REST
-
-    def __post_init__(self):
-        keep(
-            self,
-            start=point("start", self.start),
-            end=point("end", self.end),
-            radius=length("radius", self.radius),
-            velocity=point("velocity", self.velocity),
-        )
 
     def body(self) -> Body:
         """A segment, and a ball."""
@@ -126,11 +102,9 @@ class Cylinder(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
-        start, end = point("start", self.start), point("end", self.end)
-        if start == end:
-            raise ValueError(f"end must differ from start, as a cylinder has an axis, got {end} for both")
-        keep(self, start=start, end=end)
-        keep(self, radius=length("radius", self.radius), velocity=point("velocity", self.velocity))
+        super().__post_init__()
+        if self.start == self.end:
+            raise ValueError(f"end must differ from start, as a cylinder has an axis, got {self.end} for both")
 
     def body(self) -> Body:
         """The cylinder, and no ball."""
@@ -164,11 +138,8 @@ class Ellipsoid(Shape):
     velocity: Any = AT_REST
 
     def __post_init__(self):
-        axes = bounded("axes", finite_array("axes", self.axes), (3,))
-        keep(self, center=point("center", self.center), axes=tuple(at_least("axes", axes, LEAST_AXIS).tolist()))
-        keep(
-            self, rotation=rotation_matrix("rotation", self.rotation), velocity=point("velocity", self.velocity)
-        )
+        super().__post_init__()
+        keep(self, axes=point("axes", self.axes, LEAST_AXIS))
 
     def body(self) -> Body:
         """The ellipsoid, and no ball."""
@@ -183,11 +154,9 @@ class Ellipsoid(Shape):
 def _between(start: Point, end: Point) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """The middle of a segment, axes of which the first is along it, and half its length."""
     half = (np.array(end) - start) / 2
-    # By its size first, as the squares of what is short are no floats.
-    size = np.abs(half).max()
-    along = half / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
-    stretch = np.linalg.norm(along)
-    return start + half, frame_along(along / stretch), float(size * stretch)
+    length = math.hypot(*half.tolist())
+    along = (half / length).tolist() if length > 0.0 else (1.0, 0.0, 0.0)
+    return start + half, frame_along(along), length
 
 
 def _ends(body: Body) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

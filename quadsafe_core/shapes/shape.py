@@ -29,6 +29,11 @@ class Shape:
     # Its name in mappings.
     name: ClassVar[str]
 
+    def __post_init__(self):
+        for field in fields(self):  # type: ignore[arg-type]
+            if field.name in CHECKS:
+                keep(self, **{field.name: CHECKS[field.name](field.name, getattr(self, field.name))})
+
     def body(self) -> Body:
         """The body as kernels know it."""
         raise NotImplementedError
@@ -104,9 +109,9 @@ def keep(shape: Shape, **values: Any) -> None:
         object.__setattr__(shape, name, value)
 
 
-def point(name: str, value: ArrayLike) -> Point:
-    """``value`` as three finite numbers that can be squared."""
-    return tuple(bounded(name, finite_array(name, value), (3,)).tolist())
+def point(name: str, value: ArrayLike, least: float = -LARGEST) -> Point:
+    """``value`` as three finite numbers that can be squared, ``least`` or more."""
+    return tuple(at_least(name, bounded(name, finite_array(name, value), (3,)), least).tolist())
 
 
 def length(name: str, value: float, least: float = 0.0) -> float:
@@ -144,6 +149,14 @@ def rotation_matrix(name: str, value: Any) -> tuple[Point, ...] | None:
         left, _, right = np.linalg.svd(matrix)
         matrix = left @ right
     return None if (matrix == np.eye(3)).all() else tuple(tuple(row) for row in matrix.tolist())
+
+
+# The fields that mean the same in all shapes that have them.
+CHECKS: dict[str, Any] = {
+    **dict.fromkeys(("center", "start", "end", "velocity"), point),
+    "radius": length,
+    "rotation": rotation_matrix,
+}
 
 
 def axes_of(rotation: tuple[Point, ...] | None) -> NDArray[np.float64]:
