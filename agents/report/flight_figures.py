@@ -184,7 +184,8 @@ def _mesh(
 ) -> go.Mesh3d:
     x, y, z = points.T
     i, j, k = corners.T
-    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8}
+    # Plotly would take narrow triangles for none, and leave them dark.
+    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8, "facenormalsepsilon": 0.0}
     looks = {"color": OBSTACLE, "opacity": opacity, "flatshading": is_flat, "hoverinfo": "skip"}
     legend = {"name": name, "legendgroup": name, "showlegend": showlegend}
     return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **looks, **legend)
