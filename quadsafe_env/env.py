@@ -185,8 +185,8 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def way(self) -> NDArray[np.float64]:
         """The corners (W, 3) of a way from start to goal, m, free by construction in rooms and gates.
 
-        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it is the
-        straight one, whatever is in it.
+        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it
+        is the straight one, whatever is in it.
         """
         return self._world.way_of(0)
 
