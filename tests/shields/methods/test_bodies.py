@@ -167,7 +167,7 @@ def test_a_list_of_shapes_or_mappings_is_what_is_packed():
         {"shape": "sphere", "center": [0, 0, 2], "radius": 0.3},
     ]
     flat = np.zeros((4, 3))
-    flat[0], flat[1] = (1.0, 0.5, 0.5), (-2.0, 0.0, 0.0)
+    flat[0], flat[1] = (1.5, 0.0, 0.2), (-2.0, 0.0, 0.0)
     push = np.array([-3e3, 0.0, 0.0])
     answers = [
         Shield().filter(flat, shapes, push, PERIOD),
