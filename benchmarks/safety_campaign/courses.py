@@ -13,9 +13,11 @@ from safety_campaign.flights import Tally
 from safety_campaign.stage import NO_LIMIT, VEHICLE_RADIUS, rates, shielded
 
 RATE = 50  # Hz
-DURATION, LONG = 12.0, 40.0  # s; of a follower
-# m between the points of a way; how far ahead one is followed; m/s, and for each metre to the goal.
-SPACING, AHEAD, CRUISE, GAIN = 0.02, 0.2, 0.8, 2.0
+DURATION, LONG = 12.0, 80.0  # s; of a follower
+# m between the points of a way; how far ahead one is followed; m/s for each metre to the goal.
+SPACING, AHEAD, GAIN = 0.02, 0.2, 2.0
+# Of a follower, m/s, and where openings are narrow.
+CRUISE, CAREFUL = 1.2, 0.4
 # An opening of 1.3 times the vehicle's diameter, m.
 NARROW = 1.3 * 2.0 * VEHICLE_RADIUS
 # Where the observation has the way to the next opening or the goal, and to the nearest surface.
@@ -54,6 +56,7 @@ class Follower:
     """Follows the free way, slower at its end."""
 
     def __init__(self, rng: np.random.Generator, world: Any, n: int):
+        self._cruise = CAREFUL if world.task.opening <= NARROW else CRUISE
         ways = [spaced(world.way_of(i)) for i in range(n)]
         longest = max(map(len, ways))
         self._points = np.array([np.vstack([way, np.repeat(way[-1:], longest - len(way), 0)]) for way in ways])
@@ -67,7 +70,7 @@ class Follower:
         self._at = near[rows, gaps.argmin(axis=1)]
         ahead = np.minimum(self._at + round(AHEAD / SPACING), last)
         way, left = self._points[rows, ahead] - position, self._points[:, -1] - position
-        speed = np.minimum(CRUISE, GAIN * np.linalg.norm(left, axis=1, keepdims=True))
+        speed = np.minimum(self._cruise, GAIN * np.linalg.norm(left, axis=1, keepdims=True))
         return speed * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
 
 
