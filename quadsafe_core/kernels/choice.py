@@ -57,6 +57,8 @@ def _entry_at(_typing, arrays, place):
 
     def emit(context, builder, signature, arguments):
         first, second = (builder.extract_value(arguments[0], i) for i in range(2))
+        # What is answered is counted, unless it is borrowed.
+        context.nrt.incref(builder, arrays[1], second)
         found = context.get_function(getitem, entry(arrays[0], place))(builder, (first, arguments[1]))
         return context.make_tuple(builder, both, (found, second))
 
