@@ -23,6 +23,7 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.simulation.surroundings import copied_row
+from quadsafe_env.tasks.way import corners_of
 
 ROW = np.zeros(1, dtype=np.intp)
 
@@ -198,7 +199,8 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it
         is the straight one, whatever is in it.
         """
-        return self._world.way_of(0)
+        scenes = self._world.scenes
+        return corners_of(scenes.start[0], self._world.openings[0], scenes.goal[0])
 
     @property
     def obstacles(self) -> Obstacles:

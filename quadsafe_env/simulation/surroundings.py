@@ -75,7 +75,7 @@ def obstacles_among(scenes: Scenes, source: SceneSource, keep_out: float) -> Obs
 
 
 def openings_of(bodies: NDArray[np.uint8] | None, n: int, k: int) -> NDArray[np.void]:
-    """The openings (N, G) of all rows, views of the memory of their bodies."""
+    """The openings (N, G) of all rows, views of the memory of their bodies; none where that is None."""
     return np.zeros((n, 0), dtype=OPENING) if bodies is None else scene_bodies_of(bodies, n, k).openings
 
 

@@ -34,7 +34,6 @@ from quadsafe_env.tasks.reward import ENTRIES, OWN_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.tasks.sources import source_of
-from quadsafe_env.tasks.way import corners_of
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -61,6 +60,7 @@ COLUMNS = frozenset(
         "states",
         "scenes",
         "obstacles",
+        "openings",
         "outcomes",
         "flags",
         "_flat",
@@ -157,6 +157,7 @@ class World:
         self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
         self._table, self._commands = rows.table, rows.command
         self.scenes = scenes_of(self._scene_memory)
+        self.openings = openings_of(self._source.bodies, *self.scenes.radius.shape)
         self.obstacles = obstacles_among(self.scenes, self._source, self.params.radius)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -176,15 +177,6 @@ class World:
     def snap_filter(self, value: MinimalFilter) -> None:
         self._snap_filter, self._slot = value, completed(value)
         self.is_shielded = not isinstance(value, PassThrough)
-
-    @property
-    def openings(self) -> NDArray[np.void]:
-        """The openings (N, G) of every row, views; G is 0 where there are none to pass."""
-        return openings_of(self._source.bodies, *self.scenes.radius.shape)
-
-    def way_of(self, row: int) -> NDArray[np.float64]:
-        """The corners (2 + 2 G, 3) of the way of a row from start to goal, m."""
-        return corners_of(self.scenes.start[row], self.openings[row], self.scenes.goal[row])
 
     def flat_states(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3), a fresh array."""

@@ -5,6 +5,7 @@ import numpy as np
 from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_env.settings import build_world
 from quadsafe_env.tasks.reward import EFFORT_WEIGHT
+from quadsafe_env.tasks.way import corners_of
 
 # m/s for each metre to the point that is followed; m between the points of a way.
 GAIN, SPACING = 2.0, 0.02
@@ -15,6 +16,11 @@ def world_of(name, integers, **keywords):
     world, n = build_world(len(integers), task=name, **keywords), len(integers)
     world.reset_to(np.arange(n), key_words(integers))
     return world
+
+
+def way_of(world, row):
+    """The corners of the free way of a row."""
+    return corners_of(world.scenes.start[row], world.openings[row], world.scenes.goal[row])
 
 
 def dense(corners, count=40):

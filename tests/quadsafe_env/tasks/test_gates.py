@@ -12,7 +12,7 @@ from quadsafe_env.tasks.rooms import CORRIDOR
 from quadsafe_env.tasks.way import OPENING, begin_way, go_on, write_rests
 from quadsafe_env.vehicle.params import PRESETS
 from shields import ShieldWrapper, VectorShieldWrapper
-from tests.helpers.pilots import clearances, dense, fly, world_of
+from tests.helpers.pilots import clearances, dense, fly, way_of, world_of
 
 VEHICLE = PRESETS["crazyflie"].radius
 # Of sums of a few metres.
@@ -53,7 +53,7 @@ def test_way_through_the_gates_is_free(opening, params, count):
     world = world_of("gates", range(count), opening=opening, params=params)
     vehicle = world.params.radius
     for i, shapes in enumerate(world.obstacles):
-        found = clearances(shapes, dense(world.way_of(i)), vehicle)
+        found = clearances(shapes, dense(way_of(world, i)), vehicle)
         assert len(found) == 2 * len(shapes) // 4 + 1
         # Between the gates, and through them.
         assert found[::2].min() >= CORRIDOR - ROUNDING

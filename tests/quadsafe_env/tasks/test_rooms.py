@@ -11,7 +11,7 @@ from quadsafe_env.tasks.rooms import CORRIDOR
 from quadsafe_env.tasks.scenes import FREE_SPACE
 from quadsafe_env.vehicle.params import PRESETS
 from shields import ShieldWrapper, VectorShieldWrapper
-from tests.helpers.pilots import clearances, dense, fly, world_of
+from tests.helpers.pilots import clearances, dense, fly, way_of, world_of
 
 VEHICLE = PRESETS["crazyflie"].radius
 WALLS = 6
@@ -57,7 +57,7 @@ def test_way_through_a_room_is_free(opening, params, count):
     world = world_of("rooms", range(count), opening=opening, params=params)
     vehicle = world.params.radius
     for i, shapes in enumerate(world.obstacles):
-        found = clearances(shapes, dense(world.way_of(i)), vehicle)
+        found = clearances(shapes, dense(way_of(world, i)), vehicle)
         # Start and goal, with what they keep beside what every scene keeps.
         assert min(found[0, 0], found[-1, -1]) >= CORRIDOR - ROUNDING > FREE_SPACE
         assert min(found[0].min(), found[2].min()) >= CORRIDOR - ROUNDING
