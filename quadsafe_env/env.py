@@ -28,7 +28,7 @@ ROW = np.zeros(1, dtype=np.intp)
 
 
 class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
-    """A quadrotor with thrust dynamics, (29) of the paper, among spheres that it collides with.
+    """A quadrotor with thrust dynamics, (29) of the paper, among obstacles that it collides with.
 
     ### Action: Box(−1, 1, (4,), float32)
     Entries beyond ±1 are clipped. A non-finite action raises ValueError, unless the env is shielded.
@@ -42,24 +42,34 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     `action_scale` has the numbers. The action is held for one policy step; the desired snap it becomes is
     computed, filtered and handed to the inner loop once per control period.
 
-    ### Observation: Box(−1, 1, (15 + 5 k,), float32)
+    ### Observation: Box(−1, 1, (15 + 5 k,), float32), in Rooms and Gates (15 + 7 k,)
 
-    | entries | meaning                                              | 1 stands for (saturates) |
-    |---------|------------------------------------------------------|--------------------------|
-    | 0–2     | goal − r                                             | 4 m                      |
-    | 3–5     | ṙ                                                    | 4 m/s                    |
-    | 6–8     | r̈                                                    | 20 m/s²                  |
-    | 9–11    | r⃛                                                    | 200 m/s³                 |
-    | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)| exact                    |
-    | 14      | ω_z                                                  | 10 rad/s                 |
-    | then, for each of the k nearest spheres (k = 1; Forest 8), zeros when there are fewer:          |||
-    | +0–2    | centre − r                                           | 4 m                      |
-    | +3      | keep-out radius                                      | 2 m                      |
-    | +4      | 1 if there is such a sphere                          | exact                    |
+    | entries | meaning                                                    | 1 stands for (saturates) |
+    |---------|------------------------------------------------------------|--------------------------|
+    | 0–2     | goal − r, or the centre of the next opening − r            | 4 m                      |
+    | 3–5     | ṙ                                                          | 4 m/s                    |
+    | 6–8     | r̈                                                          | 20 m/s²                  |
+    | 9–11    | r⃛                                                          | 200 m/s³                 |
+    | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)      | exact                    |
+    | 14      | ω_z                                                        | 10 rad/s                 |
+    | then, for each of the k nearest obstacles (k = 1; Forest 8), zeros when there are fewer:              |||
+    | +0–2    | nearest point of its core − r; of a sphere its centre − r  | 4 m                      |
+    | +3      | distance to keep from its core: a sphere's keep-out radius | 2 m                      |
+    | +4      | 1 if there is such an obstacle                             | exact                    |
+    | in Rooms and Gates, for each of the 8 nearest, for all shapes alike:                                  |||
+    | +0–2    | nearest point of its keep-out surface − r                  | 4 m                      |
+    | +3–5    | unit normal of that surface there, away from it            | exact                    |
+    | +6      | 1 if there is such an obstacle                             | exact                    |
 
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
     0.5 s without a break. A collision costs nothing here: it is `info["cost"]`.
+
+    ### Openings
+    In Rooms and Gates the vehicle must fly through openings, in order, before the goal counts. Until then the
+    agent sees where the next one is in place of the goal, and distance is counted along the way: to the centre
+    of the next, from there to the one after it, and so on to the goal. One is passed where the flight crosses
+    its plane, forwards and between its edges. `way` has the corners of a way that is free by construction.
 
     ### Start and end
     A scene is a function of a 64-bit integer: `reset(seed=s)` flies scene s, later resets hash (s, episode),
@@ -185,8 +195,8 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def way(self) -> NDArray[np.float64]:
         """The corners (W, 3) of a way from start to goal, m, free by construction in rooms and gates.
 
-        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it is the
-        straight one, whatever is in it.
+        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it
+        is the straight one, whatever is in it.
         """
         return self._world.way_of(0)
 

@@ -1,6 +1,7 @@
 """Attacks among shapes of every kind, one alone or many together, at rest or moving, on the full plant."""
 
 import time
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -40,19 +41,16 @@ def made(rng: np.random.Generator, kind: str, center: NDArray, speed: float) -> 
     half = rng.uniform(0.05, 0.75, 3) * np.where(rng.random(3) < 0.2, 0.02, 1.0)
     rotation, axis = Rotation.random(random_state=rng), directions(rng, 1)[0] * rng.uniform(0.05, 1.0)
     drift: dict[str, Any] = {"velocity": speed * directions(rng, 1)[0]} if speed else {}
-    if kind == "sphere":
-        return Sphere(center, rng.uniform(0.05, 0.7), **drift)
-    if kind == "capsule":
-        return Capsule(center - axis, center + axis, rng.uniform(0.01, 0.4), **drift)
-    if kind == "cylinder":
-        return Cylinder(center - axis, center + axis, rng.uniform(0.02, 0.6), **drift)
-    if kind == "box":
-        return Box(center, 2.0 * half, rotation, **drift)
-    if kind == "hull":
-        return Hull(center + rng.normal(size=(rng.integers(3, 13), 3)) * half, 0.0, **drift)
-    if kind == "ellipsoid":
-        return Ellipsoid(center, np.maximum(half, 0.02), rotation, **drift)
-    return HalfSpace(directions(rng, 1)[0], -rng.uniform(0.0, 1.0))
+    shapes: dict[str, Callable[[], Any]] = {
+        "sphere": lambda: Sphere(center, rng.uniform(0.05, 0.7), **drift),
+        "capsule": lambda: Capsule(center - axis, center + axis, rng.uniform(0.01, 0.4), **drift),
+        "cylinder": lambda: Cylinder(center - axis, center + axis, rng.uniform(0.02, 0.6), **drift),
+        "box": lambda: Box(center, 2.0 * half, rotation, **drift),
+        "hull": lambda: Hull(center + rng.normal(size=(rng.integers(3, 13), 3)) * half, **drift),
+        "ellipsoid": lambda: Ellipsoid(center, np.maximum(half, 0.02), rotation, **drift),
+        "half_space": lambda: HalfSpace(directions(rng, 1)[0], -rng.uniform(0.0, 1.0)),
+    }
+    return shapes[kind]()
 
 
 def world(rng: np.random.Generator, shape: str, speed: float) -> list[Any]:

@@ -45,9 +45,8 @@ def _compiled(mujoco: Any, file: Path) -> Any:
     spec = mujoco.MjSpec.from_file(str(file))
     for flex in spec.flexes:
         raise ValueError(f"flex {flex.name!r} bends, and no shape does")
-    # Links of a URDF keep their names for errors, and a hull all its vertices.
-    spec.compiler.fusestatic = False
     for mesh in spec.meshes:
+        # A hull keeps all its corners.
         mesh.maxhullvert = -1
         if mesh.file.startswith(PACKAGE):
             mesh.file = str(_in_package(file, mesh.file))

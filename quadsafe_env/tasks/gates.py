@@ -1,8 +1,8 @@
 """Gates: a slalom through window frames, each of four capsules or four boxes.
 
 The way from the start over two points before and behind each gate, on its axis, to the goal keeps ``CORRIDOR``
-clear of every frame beyond the vehicle's radius; between the two points of a gate that, or half of what the gate
-is wider than the vehicle, if less.
+clear of every frame beyond the vehicle's radius; between the two points of a gate that, or half of what it is
+wider than the vehicle, if less.
 """
 
 import math

@@ -129,10 +129,16 @@ REFUSED = {
     ),
     "obstacles, text": (
         lambda: gymnasium.make(NAME, obstacles=[["0", "0", "0", "1"]]),
-        f"obstacles {NO_NUMBERS}",
+        rf"obstacles\[0\].center {NO_NUMBERS}",
     ),
-    "obstacles, truth": (lambda: gymnasium.make(NAME, obstacles=[[True] * 4]), f"obstacles {NO_NUMBERS}"),
-    "obstacles, complex": (lambda: gymnasium.make(NAME, obstacles=[[0, 0, 0, 1j]]), f"obstacles {NO_NUMBERS}"),
+    "obstacles, truth": (
+        lambda: gymnasium.make(NAME, obstacles=[[True] * 4]),
+        rf"obstacles\[0\].center {NO_NUMBERS}",
+    ),
+    "obstacles, complex": (
+        lambda: gymnasium.make(NAME, obstacles=[[0, 0, 0, 1j]]),
+        r"obstacles\[0\].radius must be a finite number, got 1j",
+    ),
     "rate, truth": (
         lambda: gymnasium.make(NAME, policy_hz=True),
         "policy_hz must be an integer >= 1, got True",

@@ -1,6 +1,7 @@
 """Any file goes in by one call: our JSON there and back, and errors that say what is wrong with which entry."""
 
 import json
+import subprocess
 import sys
 
 import pytest
@@ -80,3 +81,9 @@ def test_a_missing_package_is_named_with_the_command_that_installs_it(written, m
     with pytest.raises(ImportError, match=rf"^{package} .*pip install 'quadsafe\[maps\]'"):
         load_obstacles(written("", name))
     assert load_obstacles(written("[[0, 0, 0, 1]]")) == [Sphere((0, 0, 0), 1)]
+
+
+def test_the_readers_are_imported_only_for_their_files():
+    code = "import sys, quadsafe_env; print({'mujoco', 'coacd', 'trimesh'} & set(sys.modules))"
+    outcome = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert outcome.stdout.strip() == "set()"

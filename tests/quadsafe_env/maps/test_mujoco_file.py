@@ -159,6 +159,24 @@ def test_collisions_of_a_chain_of_links_are_where_roll_pitch_and_yaw_put_them(ha
         np.testing.assert_allclose(found.distance(points), shape.distance(points), atol=1e-6)
 
 
+def test_a_mesh_far_from_its_origin_is_grown_by_what_its_corners_lose_there(hall):
+    corners = np.add([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [1000.1, 0, 0])
+    mesh = f'<asset><mesh name="m" vertex="{" ".join(map(str, corners.ravel()))}"/></asset>'
+    (hull,) = load_obstacles(hall({"a.xml": scene('<geom type="mesh" mesh="m"/>', mesh)}))
+    assert (hull.distance(corners) <= 0.0).all()
+    assert 1e-5 < Hull(hull.points).distance(corners).max() < hull.radius < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("types", "is_taken"), [((1, 0), True), ((0, 1), True), ((2, 4), True), ((0, 0), False)]
+)
+def test_a_geom_is_taken_if_any_other_can_collide_with_it(hall, types, is_taken):
+    kind, affinity = types
+    geom = f'<geom type="box" size="1 1 1" contype="{kind}" conaffinity="{affinity}"/>'
+    shapes = load_obstacles(hall({"a.xml": scene('<geom size="1"/>' + geom)}))
+    assert (Box((0, 0, 0), (2, 2, 2)) in shapes) == is_taken
+
+
 def test_a_hull_keeps_the_corners_that_a_mesh_may_do_without(hall):
     circle = [(np.cos(t), np.sin(t), z) for t in np.linspace(0, 6, 20) for z in (0, 1)]
     mesh = f'<asset><mesh name="m" maxhullvert="6" vertex="{" ".join(map(str, np.ravel(circle)))}"/></asset>'
