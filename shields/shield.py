@@ -175,9 +175,10 @@ class Shield:
         """
         if period == self._period:
             try:
-                if self._are_still and obstacles.velocity is None:
-                    out, cores = np.empty(self._numbers), obstacles.cores
-                    code = self._kernel(flat, obstacles.center, obstacles.radius, snap, cores, *self._own, out)
+                packed: Any = obstacles
+                if self._are_still and packed.velocity is None:
+                    out, cores = np.empty(self._numbers), packed.cores
+                    code = self._kernel(flat, packed.center, packed.radius, snap, cores, *self._own, out)
                     if code == DONE:
                         return Filtered(out, self._leading)
             except (TypeError, AttributeError):

@@ -70,4 +70,4 @@ def _plain_entry_at(arrays, place):
 
 
 # What a function answers with cannot be a record; this is none.
-entry_at = _plain_entry_at if getattr(config, "DISABLE_JIT") else intrinsic(_entry_at)  # noqa: B009 - set by numba
+entry_at: Callable = _plain_entry_at if getattr(config, "DISABLE_JIT") else intrinsic(_entry_at)  # noqa: B009 - set by numba

@@ -54,7 +54,7 @@ def as_cores(value: NDArray[np.uint8] | None, size: tuple[int, int]) -> NDArray[
     least = math.prod(size) * CORE.itemsize
     if len(value) < least:
         raise ValueError(f"obstacles.cores must have {least} bytes or more for {size} bodies, got {len(value)}")
-    return np.require(value, requirements="CW")
+    return np.require(value, requirements=["C", "W"])
 
 
 def size_of(flat, center, radius, snap) -> tuple[int, int] | None:
