@@ -28,7 +28,7 @@ ROW = np.zeros(1, dtype=np.intp)
 
 
 class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
-    """A quadrotor with thrust dynamics, (29) of the paper, among spheres that it collides with.
+    """A quadrotor with thrust dynamics, (29) of the paper, among obstacles that it collides with.
 
     ### Action: Box(−1, 1, (4,), float32)
     Entries beyond ±1 are clipped. A non-finite action raises ValueError, unless the env is shielded.
@@ -42,7 +42,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     `action_scale` has the numbers. The action is held for one policy step; the desired snap it becomes is
     computed, filtered and handed to the inner loop once per control period.
 
-    ### Observation: Box(−1, 1, (15 + 5 k,), float32)
+    ### Observation: Box(−1, 1, (15 + 5 k,), float32), or 15 + 7 k of surfaces
 
     | entries | meaning                                              | 1 stands for (saturates) |
     |---------|------------------------------------------------------|--------------------------|
@@ -52,10 +52,26 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     | 9–11    | r⃛                                                    | 200 m/s³                 |
     | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)| exact                    |
     | 14      | ω_z                                                  | 10 rad/s                 |
-    | then, for each of the k nearest spheres (k = 1; Forest 8), zeros when there are fewer:          |||
+    | then, for each of the k nearest obstacles (k = 1; Forest 8), zeros when there are fewer:        |||
     | +0–2    | centre − r                                           | 4 m                      |
     | +3      | keep-out radius                                      | 2 m                      |
-    | +4      | 1 if there is such a sphere                          | exact                    |
+    | +4      | 1 if there is such an obstacle                       | exact                    |
+    | or, of tasks in the layout "surfaces":                                                          |||
+    | +0–2    | s − r, s the nearest point at the keep-out distance  | 4 m                      |
+    | +3–5    | unit normal there, away from the obstacle            | exact                    |
+    | +6      | 1 if there is such an obstacle                       | exact                    |
+
+    Of a body that is no sphere "centre" is the point of its core nearest to r (of a capsule's segment, of a box
+    itself), and "keep-out radius" what is kept from there. Inside a keep-out surface s − r is the way out.
+    Nearest is by signed distance; of equals the first given.
+
+    ### Obstacles
+    What the task draws, or `obstacles=`: spheres, capsules, cylinders, boxes, hulls of points, ellipsoids and
+    half-spaces (``quadsafe_core.shapes``), at rest or at a constant velocity, which moves them in every physics
+    step from the beginning of the episode on. `bounds=(low, high)` are six walls more. The vehicle is a ball of
+    radius `params.radius` about r; start and goal are redrawn until they are 0.15 m clear of what was given,
+    where it is at the beginning. The property `obstacles` is what there is now, a copy: iterating gives the
+    shapes; `keep_out` is the vehicle's radius, which `radius` holds.
 
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
@@ -63,7 +79,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
     ### Start and end
     A scene is a function of a 64-bit integer: `reset(seed=s)` flies scene s, later resets hash (s, episode),
-    `reset(options={"scene": k})` flies scene k. Starts are at rest, clear of every sphere. An episode ends
+    `reset(options={"scene": k})` flies scene k. Starts are at rest, clear of every obstacle. An episode ends
     with a violation (`terminate_on_violation=False` flies on), out of bounds, at a crash of the model (thrust
     at its floor or a non-finite state), and, but for Flight, on arrival. The env never truncates itself:
     `truncated` is the time limit that `gym.make` adds, and nothing else.
@@ -71,8 +87,9 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     ### Info, the same keys at reset and at every step
     | key                                  | meaning                                                          |
     |--------------------------------------|------------------------------------------------------------------|
-    | `cost`                               | 1.0 if a keep-out sphere was entered at a physics substep        |
-    | `clearance`                          | least distance to a keep-out sphere over the substeps, m         |
+    | `cost`                               | 1.0 if `clearance` is negative                                   |
+    | `clearance`                          | least signed distance of the vehicle's ball to an obstacle over  |
+    |                                      | the physics substeps, m; negative inside, inf without any        |
     | `is_success`                         | arrived, without a violation in this episode                     |
     | `violation`, `out_of_bounds`, `crash`| what this step did; a crash leaves the last sound state          |
     | `invalid_action`                     | the action was not finite                                        |
