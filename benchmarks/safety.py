@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from safety_campaign import attacks, chain, forest, spinning, tables
+from safety_campaign import among, attacks, chain, courses, forest, spinning, tables
 from safety_campaign.flights import fly_attack
 from safety_campaign.results import ROOT, Results, revision
 from safety_campaign.stage import Setting
@@ -49,10 +49,12 @@ class Scale(NamedTuple):
     rates: tuple[int, ...] = (20, 25, 50, 100, 200, 500, 1000)
     radii: tuple[float, ...] = (1.0, 0.3)
     yaw_steps: int = 2_000  # per pilot, vehicle, interface and pair of rates
+    shape_steps: int = 33_000  # per kind of shape, interface, rate and speed
+    course_flights: int = 100  # per pilot and kind of course
     yaw_rates: tuple[tuple[int, int], ...] = spinning.RATES
 
 
-SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,), 500, ((500, 100), (50, 50)))
+SHORT = Scale(2_000, 1.0, 8_192, 20, 1, 500_000, 2_000, (25, 100), (0.3,), 500, 500, 10, ((500, 100), (50, 50)))
 
 
 class Job(NamedTuple):
@@ -123,6 +125,36 @@ def yaw_jobs(scale: Scale, seed: int) -> Iterator[Job]:
                 yield Job(key, columns, partial(run_spin, setting, scale.yaw_steps, key))
 
 
+def shape_jobs(scale: Scale, seed: int) -> Iterator[Job]:
+    """Shapes of every kind alone and many together, at rest and moving; without a shield for comparison."""
+    for arm, shape, speed in product(("sampled", "none"), (*among.KINDS, among.JOINT), (0.0, 0.5)):
+        steps = round(scale.shape_steps * (1.0 if arm == "sampled" else scale.other_arms))
+        for action, rate in product(ACTIONS, scale.rates):
+            setting = among.Among(arm, action, rate, shape, speed)
+            if (shape, speed) != ("half_space", 0.5):
+                key = " ".join(map(str, ("shapes", *setting, seed)))
+                columns = {"kind": "shapes", "arm": arm, "action": action, "rate": rate, "attack": shape}
+                yield Job(
+                    key, {**columns, "speed": speed, "seed": seed}, partial(run_among, setting, steps, key)
+                )
+
+
+def run_among(setting: among.Among, steps: int, key: str) -> list[dict[str, Any]]:
+    """The row of one attack among shapes."""
+    return [among.fly_among(setting, steps, np.random.default_rng(zlib.crc32(key.encode())))]
+
+
+def course_jobs(scale: Scale, seed: int) -> Iterator[Job]:
+    """Flights through rooms and gates."""
+    for pilot, (task, keywords, bodies) in product(courses.PILOTS, courses.COURSES):
+        course = courses.Course(task, keywords, bodies, pilot)
+        opening = keywords.get("opening", 0.8)
+        columns = {"kind": "course", "task": task, "attack": pilot, "spheres": bodies, "radius": opening}
+        key = f"course {task} {pilot} {bodies} {opening:.2f} {seed}"
+        run = partial(courses.compare, course, scale.course_flights, seed)
+        yield Job(key, {**columns, "action": "velocity", "rate": courses.RATE, "seed": seed}, run)
+
+
 def run_spin(setting: spinning.Spin, steps: int, key: str) -> list[dict[str, Any]]:
     """The row of one attack by the yaw motion."""
     return [spinning.fly(setting, steps, np.random.default_rng(zlib.crc32(key.encode())))]
@@ -135,6 +167,8 @@ def jobs(scale: Scale, seed: int, weights: Path) -> list[Job]:
         *forest_jobs(scale, seed),
         *chain_jobs(scale, seed),
         *yaw_jobs(scale, seed),
+        *shape_jobs(scale, seed),
+        *course_jobs(scale, seed),
     ]
 
 

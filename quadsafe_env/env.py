@@ -42,28 +42,27 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     `action_scale` has the numbers. The action is held for one policy step; the desired snap it becomes is
     computed, filtered and handed to the inner loop once per control period.
 
-    ### Observation: Box(−1, 1, (15 + 5 k,), float32), or 15 + 7 k of surfaces
+    ### Observation: Box(−1, 1, (15 + 5 k,), float32), in Rooms and Gates (15 + 7 k,)
 
-    | entries | meaning                                              | 1 stands for (saturates) |
-    |---------|------------------------------------------------------|--------------------------|
-    | 0–2     | goal − r                                             | 4 m                      |
-    | 3–5     | ṙ                                                    | 4 m/s                    |
-    | 6–8     | r̈                                                    | 20 m/s²                  |
-    | 9–11    | r⃛                                                    | 200 m/s³                 |
-    | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)| exact                    |
-    | 14      | ω_z                                                  | 10 rad/s                 |
-    | then, for each of the k nearest obstacles (k = 1; Forest 8), zeros when there are fewer:        |||
-    | +0–2    | centre − r                                           | 4 m                      |
-    | +3      | keep-out radius                                      | 2 m                      |
-    | +4      | 1 if there is such an obstacle                       | exact                    |
-    | or, of tasks in the layout "surfaces":                                                          |||
-    | +0–2    | s − r, s the nearest point at the keep-out distance  | 4 m                      |
-    | +3–5    | unit normal there, away from the obstacle            | exact                    |
-    | +6      | 1 if there is such an obstacle                       | exact                    |
+    | entries | meaning                                                    | 1 stands for (saturates) |
+    |---------|------------------------------------------------------------|--------------------------|
+    | 0–2     | goal − r, or the centre of the next opening − r            | 4 m                      |
+    | 3–5     | ṙ                                                          | 4 m/s                    |
+    | 6–8     | r̈                                                          | 20 m/s²                  |
+    | 9–11    | r⃛                                                          | 200 m/s³                 |
+    | 12–13   | cos and sin of the yaw angle (1, 0 with nose upright)      | exact                    |
+    | 14      | ω_z                                                        | 10 rad/s                 |
+    | then, for each of the k nearest obstacles (k = 1; Forest 8), zeros when there are fewer:              |||
+    | +0–2    | nearest point of its core − r; of a sphere its centre − r  | 4 m                      |
+    | +3      | distance to keep from its core: a sphere's keep-out radius | 2 m                      |
+    | +4      | 1 if there is such an obstacle                             | exact                    |
+    | in Rooms and Gates, for each of the 8 nearest, for all shapes alike:                                  |||
+    | +0–2    | nearest point of its keep-out surface − r                  | 4 m                      |
+    | +3–5    | unit normal of that surface there, away from it            | exact                    |
+    | +6      | 1 if there is such an obstacle                             | exact                    |
 
-    Of a body that is no sphere "centre" is the point of its core nearest to r (of a capsule's segment, of a box
-    itself), and "keep-out radius" what is kept from there. Inside a keep-out surface s − r is the way out.
-    Nearest is by signed distance; of equals the first given.
+    The core of a capsule is its segment, that of a box the box itself. Inside a keep-out surface the way to its
+    nearest point is the way out. Nearest is by signed distance; of equals the first given.
 
     ### Obstacles
     What the task draws, or `obstacles=`: spheres, capsules, cylinders, boxes, hulls of points, ellipsoids and
@@ -76,6 +75,12 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
     0.5 s without a break. A collision costs nothing here: it is `info["cost"]`.
+
+    ### Openings
+    In Rooms and Gates the vehicle must fly through openings, in order, before the goal counts. Until then the
+    agent sees where the next one is in place of the goal, and distance is counted along the way: to the centre
+    of the next, from there to the one after it, and so on to the goal. One is passed where the flight crosses
+    its plane, forwards and between its edges. `way` has the corners of a way that is free by construction.
 
     ### Start and end
     A scene is a function of a 64-bit integer: `reset(seed=s)` flies scene s, later resets hash (s, episode),
@@ -169,7 +174,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return observation, reward, terminated, False, info
 
     def render(self):
-        """An RGB frame (480, 480, 3) in the mode "rgb_array"; None otherwise, "human" shows by itself."""
+        """A frame (render_size, render_size, 3) in the mode "rgb_array", else None: "human" shows by itself."""
         return self._world.picture(0) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
@@ -197,6 +202,15 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def goal(self) -> NDArray[np.float64]:
         """The goal (3,), m, a copy."""
         return self._world.scenes.goal[0].copy()
+
+    @property
+    def way(self) -> NDArray[np.float64]:
+        """The corners (W, 3) of a way from start to goal, m, free by construction in rooms and gates.
+
+        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it
+        is the straight one, whatever is in it.
+        """
+        return self._world.way_of(0)
 
     @property
     def obstacles(self) -> Obstacles:

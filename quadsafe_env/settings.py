@@ -12,10 +12,14 @@ from quadsafe_core.checks import finite_array, one_of, positive_integer, real_ar
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
+from quadsafe_env.pictures.camera import camera_from, picture_size
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
+from quadsafe_env.scene_settings import furnished
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
+from quadsafe_env.tasks.gates import GatesTask
+from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 
@@ -26,6 +30,20 @@ TASKS = {
     # At 2 m every second draw is clear of start and goal.
     "forest": ForestTask(
         body_count=10, observed_count=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
+    ),
+    "rooms": RoomsTask(
+        body_count=20, observed_count=8, ends_at_goal=True, layout="surfaces", is_mixed=True, opening_count=1
+    ),
+    # A course of six gates for the largest vehicle is 18 m long.
+    "gates": GatesTask(
+        body_count=24,
+        observed_count=8,
+        ends_at_goal=True,
+        low=(-12.0, -4.0, -4.0),
+        high=(12.0, 4.0, 4.0),
+        layout="surfaces",
+        is_mixed=True,
+        opening_count=6,
     ),
 }
 RENDER_MODES = ("human", "rgb_array")
@@ -54,15 +72,21 @@ def build_world(
     terminate_on_violation: bool = True,
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
+    opening: float | None = None,
+    gates: int | None = None,
+    pillars: int | None = None,
+    boxes: int | None = None,
     rotor_limits: bool = False,
     conditions=None,
+    render_size: int = 480,
+    camera=None,
 ) -> World:
     """A world of ``n`` rows.
 
     Args:
         n: number of rows.
         render_mode: one that was checked, or None; what is rendered remembers its past.
-        task: "flight", "avoid" or "forest"; fixed by the id.
+        task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
         action: "velocity", "snap" or "wrench".
         params: preset name, mapping of fields, or QuadrotorParams.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
@@ -74,9 +98,16 @@ def build_world(
         terminate_on_violation: whether a violation ends the episode.
         sphere_count: number of spheres of a forest.
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
+        opening: width of the doorway or window of rooms, width and height of every gate, m, 0.8 unless given.
+        gates: number of gates, 1 to 6; 0, the default, draws 3 to 6.
+        pillars: number of pillars of a room, 4 unless given.
+        boxes: number of its boxes, 6 unless given.
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
             desired yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
+        render_size: side of pictures, pixels, 32 to 2048.
+        camera: where pictures are seen from: a mapping of some of azimuth, elevation (degrees), distance (m),
+            follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the way from start to goal.
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
@@ -86,10 +117,14 @@ def build_world(
     given = [] if obstacles is None else shapes_from(obstacles)
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
+    furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
     if draws:
         _check_room(drawn, vehicle)
+        drawn = furnished(task, drawn, vehicle.radius, **furniture)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
+    elif any(value is not None for value in furniture.values()):
+        raise ValueError(f"{', '.join(furniture)} must be left out where obstacles are given, got both")
     kept: dict[str, Any] = {
         "action": action,
         "obstacles": Obstacles.pack([*given, *walls], keep_out=vehicle.radius),
@@ -102,6 +137,9 @@ def build_world(
         "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
         "rotor_limits": _flag("rotor_limits", rotor_limits),
     }
+    looks = {"camera": camera_from(camera), "size": picture_size("render_size", render_size)}
+    if render_mode is not None:
+        kept |= looks
     met = conditions_from(conditions)
     if met == OFF:
         return WORLDS[render_mode](n, drawn, vehicle, **kept)

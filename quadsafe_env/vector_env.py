@@ -140,7 +140,7 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         self._is_seeded = True
 
     def render(self):
-        """One RGB frame (480, 480, 3) a row, or None without a render mode."""
+        """One RGB frame (render_size, render_size, 3) a row, or None without a render mode."""
         if self.render_mode is None:
             return None
         return tuple(self._world.picture(i) for i in range(self.num_envs))

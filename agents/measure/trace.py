@@ -100,13 +100,10 @@ def chosen_scene(run: Run) -> tuple[str, int, int] | None:
 def _scene(env: Any) -> dict[str, Any]:
     plant = env.unwrapped
     obstacles = plant.obstacles
-    center, radius = obstacles.center, obstacles.radius
-    present = radius > 0.0
     return {
         "start": plant.flat_state()[0].tolist(),
         "goal": plant.goal.tolist(),
-        "center": center[present].tolist(),
-        "keep_out_radius": radius[present].tolist(),
-        "obstacle_radius": (radius[present] - plant.params.radius).tolist(),
+        "obstacles": [shape.as_dict() for shape in obstacles],
+        "keep_out": obstacles.keep_out,
         "period": 1.0 / env.metadata["render_fps"],
     }

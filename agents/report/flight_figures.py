@@ -1,5 +1,6 @@
 """The figures of one scene, flown without and with the shield."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,20 +10,20 @@ from plotly.subplots import make_subplots
 
 from agents.measure.trace import AXES, Trace, vectors
 from agents.report.style import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
+from quadsafe_core.shapes import Capsule, Ellipsoid, HalfSpace, Shape, Sphere, shape_from
 
-AROUND, DOWN = 48, 24  # vertices of a sphere
+AROUND, DOWN = 49, 24  # directions from which a body is seen
+ROOM = 1.0  # m; walls are drawn so far around paths and bodies
 LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
 EYE_DISTANCE, EYE_HEIGHT = 1.75, 0.6  # of the camera, in units of plotly
 
 
 def flights(trace: Trace) -> go.Figure:
-    """Both paths in space, around or into the spheres; where the shield acts, its path is marked."""
+    """Both paths in space, around or into the obstacles; where the shield acts, its path is marked."""
     scene = trace.scene
-    center = np.reshape(scene["center"], (-1, 3))
     figure = blank(560, margin={"l": 0, "r": 0, "t": 8, "b": 0})
-    figure.add_trace(spheres(center, scene["obstacle_radius"], "obstacle", 1.0))
-    figure.add_trace(spheres(center, scene["keep_out_radius"], "keep-out sphere", 0.22))
     without, shielded = vectors(trace.without, "position"), vectors(trace.shielded, "position")
+    figure.add_traces(surroundings(scene, np.concatenate([without, shielded])))
     figure.add_trace(_path(without, "without the shield", WITHOUT, 13))
     # The last row is where the last step ended.
     acts = trace.shielded["intervened"][:-1]
@@ -48,6 +49,21 @@ def flights(trace: Trace) -> go.Figure:
         },
         legend={"y": 0.99, "yanchor": "top", "itemsizing": "constant", "bgcolor": "rgba(255, 255, 255, 0.7)"},
     )
+
+
+def surroundings(scene: dict[str, Any], paths: NDArray[np.float64]) -> list[go.Mesh3d]:
+    """The obstacles of a scene, what to keep free of them, and walls as far as paths (M, 3) and bodies go."""
+    shapes, keep_out = [shape_from(value) for value in scene["obstacles"]], scene["keep_out"]
+    half_spaces = [shape for shape in shapes if isinstance(shape, HalfSpace)]
+    solid = [shape for shape in shapes if shape not in half_spaces]
+    ends = [shape.support(side * np.eye(3)) for shape in solid for side in (1.0, -1.0)]
+    seen = np.concatenate([paths, [scene["goal"]], *ends])
+    low, high = seen.min(axis=0) - ROOM, seen.max(axis=0) + ROOM
+    return [
+        *bodies(solid, 0.0, "obstacle", 1.0),
+        *bodies(solid, keep_out, "keep-out", 0.22),
+        *walls(half_spaces, low, high),
+    ]
 
 
 def timeline(trace: Trace) -> go.Figure:
@@ -97,25 +113,82 @@ def collision(trace: Trace) -> NDArray[np.float64] | None:
     return vectors(trace.without, "position")[hits[0] + 1] if hits.size else None
 
 
-def spheres(center: NDArray, radius: list[float], name: str, opacity: float) -> go.Mesh3d:
-    """Spheres as one mesh.
+def bodies(shapes: Sequence[Shape], keep_out: float, name: str, opacity: float) -> list[go.Mesh3d]:
+    """Bodies grown by a ball, the round ones as one mesh and those with faces as another.
 
     Args:
-        center: (K, 3) m.
-        radius: K radii, m.
+        shapes: any but half-spaces.
+        keep_out: radius of the ball, m.
         name: what the legend calls them.
         opacity: 1 hides what is behind.
     """
-    normal, triangles = _unit_sphere()
-    points = (center[:, None] + np.reshape(radius, (-1, 1, 1)) * normal).reshape(-1, 3)
-    corners = np.concatenate(
-        [np.empty((0, 3), np.int64), *(triangles + n * len(normal) for n in range(len(center)))]
-    )
+    round_ones = [shape for shape in shapes if isinstance(shape, Sphere | Capsule | Ellipsoid)]
+    others = [shape for shape in shapes if shape not in round_ones]
+    normals, triangles = _unit_sphere()
+    meshes = []
+    for kind, is_flat in ((round_ones, False), (others, True)):
+        if kind:
+            points = np.concatenate([shape.support(normals) + keep_out * normals for shape in kind])
+            corners = np.concatenate([triangles + n * len(normals) for n in range(len(kind))])
+            meshes.append(_mesh(points, corners, name, opacity, is_flat, showlegend=not meshes))
+    return meshes
+
+
+def walls(half_spaces: Sequence[HalfSpace], low: NDArray, high: NDArray) -> list[go.Mesh3d]:
+    """What of walls is within a box and in the free space of the others, seen through.
+
+    Args:
+        half_spaces: the walls.
+        low, high: corners of the box, (3,) m.
+    """
+    box = [
+        HalfSpace(side * axis, min(side * a, side * b))
+        for axis, a, b in zip(np.eye(3), low, high, strict=True)
+        for side in (1.0, -1.0)
+    ]
+    size, meshes = float(np.linalg.norm(high - low)), []
+    for wall in half_spaces:
+        corners = _square(wall, 0.5 * (low + high), size)
+        for other in [*half_spaces, *box]:
+            if other is not wall:
+                corners = _clipped(corners, other)
+        if len(corners) > 2:
+            fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
+            meshes.append(_mesh(corners, fan, "wall", 0.14, True, showlegend=not meshes))
+    return meshes
+
+
+def _square(wall: HalfSpace, middle: NDArray, size: float) -> NDArray[np.float64]:
+    """Corners (4, 3) of a square on a wall, around the point nearest to a middle."""
+    normal = np.array(wall.normal)
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    first *= size / np.linalg.norm(first)
+    second, nearest = np.cross(normal, first), middle - (normal @ middle - wall.offset) * normal
+    return nearest + np.array([first + second, second - first, -first - second, first - second])
+
+
+def _clipped(corners: NDArray[np.float64], wall: HalfSpace) -> NDArray[np.float64]:
+    """The part of a convex polygon (M, 3) that is in the free space of a wall."""
+    heights, kept = corners @ np.array(wall.normal) - wall.offset, []
+    for i, (corner, height) in enumerate(zip(corners, heights, strict=True)):
+        before, above = corners[i - 1], heights[i - 1]
+        if (height > 0.0) != (above > 0.0):
+            kept.append(before + above / (above - height) * (corner - before))
+        if height > 0.0:
+            kept.append(corner)
+    return np.array(kept).reshape(-1, 3)
+
+
+def _mesh(
+    points: NDArray, corners: NDArray, name: str, opacity: float, is_flat: bool, *, showlegend: bool
+) -> go.Mesh3d:
     x, y, z = points.T
     i, j, k = corners.T
-    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8}
-    mesh = {"color": OBSTACLE, "opacity": opacity, "name": name, "showlegend": True, "hoverinfo": "skip"}
-    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **mesh)
+    # Plotly would take narrow triangles for none, and leave them dark.
+    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8, "facenormalsepsilon": 0.0}
+    looks = {"color": OBSTACLE, "opacity": opacity, "flatshading": is_flat, "hoverinfo": "skip"}
+    legend = {"name": name, "legendgroup": name, "showlegend": showlegend}
+    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **looks, **legend)
 
 
 def _path(points: NDArray, name: str, color: str, width: float) -> go.Scatter3d:

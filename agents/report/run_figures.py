@@ -90,7 +90,7 @@ def _flights(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
         CaptionedFigure(
             "clearance",
             "Least clearance",
-            "Share of the held-out flights, of all seeds, that come nearer to a keep-out sphere than each "
+            "Share of the held-out flights, of all seeds, that come nearer to what is kept free than each "
             "distance. Left of the line is inside; the height at which a curve crosses it is the rate of "
             "collisions.",
             figures.clearances({arm: results.clearances(run, arm) for arm in arms}),

@@ -1,22 +1,42 @@
 """Worlds that are looked at: they remember what a picture tells of the past. Others do not pay for it."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.shapes import Obstacles
+from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.pictures.trail import Past, Trail
+from quadsafe_env.simulation.surroundings import copied_row
 from quadsafe_env.simulation.world import World
-from quadsafe_env.tasks.obstacles import Spheres
+from quadsafe_env.tasks.scenes import Task
+from quadsafe_env.vehicle.params import QuadrotorParams
 
 
 class FilmedWorld(World):
-    """A world that can be photographed; its arguments are those of ``World``."""
+    """A world that can be photographed; its other arguments are those of ``World``.
+
+    Args:
+        n: number of rows N.
+        task: where they fly.
+        params: the vehicle.
+        camera: where pictures are seen from.
+        size: pixels of a picture's side.
+        settings: the keywords of ``World``.
+    """
+
+    def __init__(
+        self, n: int, task: Task, params: QuadrotorParams, *, camera: Camera, size: int, **settings: Any
+    ):
+        super().__init__(n, task, params, **settings)
+        self._camera, self._size = camera, size
 
     def _allocate(self, k: int) -> None:
         super()._allocate(k)
         self._trails = [Trail(state[:3]) for state in self.states]
-        self._is_corrected, self._sphere = np.zeros(self.n, dtype=np.bool_), np.full(self.n, -1)
+        self._is_corrected, self._obstacle = np.zeros(self.n, dtype=np.bool_), np.full(self.n, -1)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
         super()._begin(rows)
@@ -28,29 +48,33 @@ class FilmedWorld(World):
         self._forget(np.arange(self.n))
 
     def _forget(self, rows: NDArray[np.intp]) -> None:
-        self._is_corrected[rows], self._sphere[rows] = False, -1
+        self._is_corrected[rows], self._obstacle[rows] = False, -1
         for i in rows:
             self._trails[i] = Trail(self.states[i, :3])
 
     def step(self, actions: NDArray) -> NDArray[np.float32]:
         """One policy step of every row, which the trails follow."""
         observations = super().step(actions)
-        self._is_corrected[:], self._sphere[:] = self._slot.done
+        self._is_corrected[:], self._obstacle[:] = self._slot.done
         for trail, state, is_corrected in zip(self._trails, self.states, self._is_corrected, strict=True):
             trail.add(state[:3], bool(is_corrected))
         return observations
 
     def past(self, row: int) -> Past:
         """What led to where a row is."""
-        return Past(*self._trails[row].arrays(), bool(self._is_corrected[row]), int(self._sphere[row]))
+        return Past(*self._trails[row].arrays(), bool(self._is_corrected[row]), int(self._obstacle[row]))
 
     def picture(self, row: int) -> NDArray[np.uint8]:
-        """An RGB frame (480, 480, 3) of a row."""
+        """An RGB frame (size, size, 3) of a row."""
         from quadsafe_env.pictures.render import frame
 
-        start, goal, center, radius = self.scenes
-        spheres = Spheres(center[row], radius[row])
-        return frame(self.states[row], goal[row], spheres, self.params, start[row], past=self.past(row))
+        state, start, goal = self.states[row], self.scenes.start[row], self.scenes.goal[row]
+        looks: Any = {"past": self.past(row), "camera": self._camera, "size": self._size}
+        return frame(state, goal, self.obstacles_of(row), self.params, start, **looks)
+
+    def obstacles_of(self, row: int) -> Obstacles:
+        """The obstacles of a row, as they stand."""
+        return copied_row(self.obstacles, row)
 
 
 class ShownWorld(FilmedWorld):

@@ -1,8 +1,8 @@
-"""The pieces a frame is put together from: colours, lit balls, glassy shells, and a smoothed canvas."""
+"""What is drawn small and put onto a picture: colours, a smoothed canvas, the font."""
 
 import math
 import os
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,13 @@ os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
 import pygame
 import pygame.font
 
-SIZE = 480  # pixels of a frame's side
-SPRITE = 256  # pixels of a sprite's side, before it is scaled
 SMOOTHING = 3
 EDGE = 6  # pixels of a patch around the points drawn in it
 TOP, BOTTOM = (18, 23, 34), (52, 63, 82)
+GRID, SHADOW = (98, 114, 142), (24, 30, 42)
+OBSTACLE, GOAL, WALL = (214, 96, 76), (96, 220, 146), (140, 166, 214)
 LIGHT = np.array([-0.45, -0.70, -0.55]) / math.hypot(0.45, 0.70, 0.55)  # right, down, ahead
+FONT = 19 / 480  # height of the letters, as a share of the picture
 
 Color = tuple[int, int, int]
 
@@ -27,30 +28,20 @@ def blend(a: Color, b: Color, share: float) -> Color:
     return (red, green, blue)
 
 
-@lru_cache(maxsize=128)
-def ball(color: Color, side: int) -> pygame.Surface:
-    """A lit ball that fills its sprite of ``side`` pixels."""
-    return pygame.transform.smoothscale(_ball(color), (side, side))
+@cache
+def sky(size: int) -> NDArray[np.uint8]:
+    """A sky (size, size, 3) that brightens downwards."""
+    rows = np.linspace(TOP, BOTTOM, size, endpoint=False)
+    return np.ascontiguousarray(np.broadcast_to(np.rint(rows).astype(np.uint8)[:, None], (size, size, 3)))
 
 
-@lru_cache(maxsize=128)
-def shell(color: Color, side: int) -> pygame.Surface:
-    """A glassy shell that fills its sprite of ``side`` pixels: faint in the middle, bright at the rim."""
-    return pygame.transform.smoothscale(_shell(color), (side, side))
-
-
-def backdrop() -> pygame.Surface:
-    """A fresh canvas with a sky that brightens downwards."""
-    return _sky().copy()
-
-
-def font() -> pygame.font.Font:
-    """The font of the readings."""
+def font(size: int) -> pygame.font.Font:
+    """The font of the readings of a picture."""
     # Another environment's window may have quit pygame, and with it every font.
     if not pygame.font.get_init():
         pygame.font.init()
         _font.cache_clear()
-    return _font()
+    return _font(max(round(FONT * size), 1))
 
 
 @cache
@@ -78,7 +69,7 @@ class Patch:
     def line(self, start, end, color: Color, width: float) -> None:
         """A line between two points, ``width`` pixels wide."""
         ends = (SMOOTHING * (start - self.corner), SMOOTHING * (end - self.corner))
-        pygame.draw.line(self.canvas, color, *ends, round(width * SMOOTHING))
+        pygame.draw.line(self.canvas, color, *ends, max(round(width * SMOOTHING), 1))
 
     def dot(self, point, color: Color, radius: float) -> None:
         """A disc of ``radius`` pixels."""
@@ -90,49 +81,17 @@ class Patch:
         pygame.draw.polygon(self.canvas, (*color, 120), points)
         pygame.draw.polygon(self.canvas, color, points, SMOOTHING)
 
-    def shrunk(self) -> pygame.Surface:
-        """The finished patch, in the pixels of the frame."""
-        return pygame.transform.smoothscale(self.canvas, self.size)
+    def polygon(self, rim, color: Color) -> None:
+        """A solid polygon."""
+        pygame.draw.polygon(self.canvas, color, SMOOTHING * (rim - self.corner))
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """The finished patch in the pixels of the frame, (h, w, 4), RGBA."""
+        width, height = self.size
+        shrunk = pygame.transform.smoothscale(self.canvas, self.size)
+        return np.frombuffer(pygame.image.tobytes(shrunk, "RGBA"), dtype=np.uint8).reshape(height, width, 4)
 
 
 @cache
-def _ball(color: Color) -> pygame.Surface:
-    x, y, edge = _disc()
-    z = -np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
-    toward = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
-    mirrored = np.maximum(LIGHT[2] - 2.0 * toward * z, 0.0)
-    diffuse = 0.34 + 0.66 * np.maximum(toward, 0.0)
-    return _sprite(np.multiply.outer(diffuse, color) + 90.0 * mirrored[..., None] ** 24, 255.0 * edge)
-
-
-@cache
-def _shell(color: Color) -> pygame.Surface:
-    x, y, edge = _disc()
-    rim = np.minimum(x * x + y * y, 1.0)
-    return _sprite(np.broadcast_to(color, (*x.shape, 3)), edge * (18.0 + 190.0 * rim**7))
-
-
-def _disc():
-    axis = (np.arange(SPRITE) + 0.5) / (0.5 * SPRITE) - 1.0
-    x, y = np.meshgrid(axis, axis, indexing="ij")
-    return x, y, np.clip((1.0 - np.hypot(x, y)) * 0.5 * SPRITE, 0.0, 1.0)
-
-
-def _sprite(color, alpha) -> pygame.Surface:
-    surface = pygame.Surface((SPRITE, SPRITE), pygame.SRCALPHA, 32)
-    pygame.surfarray.pixels3d(surface)[...] = np.clip(color, 0.0, 255.0)
-    pygame.surfarray.pixels_alpha(surface)[...] = alpha
-    return surface
-
-
-@cache
-def _sky() -> pygame.Surface:
-    surface = pygame.Surface((SIZE, SIZE), 0, 32)
-    for y in range(SIZE):
-        pygame.draw.line(surface, blend(TOP, BOTTOM, y / SIZE), (0, y), (SIZE, y))
-    return surface
-
-
-@cache
-def _font() -> pygame.font.Font:
-    return pygame.font.Font(None, 19)
+def _font(height: int) -> pygame.font.Font:
+    return pygame.font.Font(None, height)

@@ -13,13 +13,13 @@ class Past(NamedTuple):
     """What led to a moment of a flight.
 
     ``trail`` (M, 3) from the start to now, m; ``was_corrected`` (M,), whether the filter acted on the way to
-    each point; whether it acts now, and for which sphere, −1 for none.
+    each point; whether it acts now, and for which obstacle, −1 for none.
     """
 
     trail: NDArray[np.float64]
     was_corrected: NDArray[np.bool_]
     is_corrected: bool = False
-    sphere: int = -1
+    obstacle: int = -1
 
 
 NO_PAST = Past(np.zeros((0, 3)), np.zeros(0, dtype=np.bool_))

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_env.pictures.sprites import SIZE, pygame
+from quadsafe_env.pictures.sprites import pygame
 
 # Drivers that draw where nobody sees it.
 BLIND = ("dummy", "offscreen")
@@ -41,7 +41,7 @@ def no_display(found: str) -> OSError:
 
 
 class Window:
-    """Shows frames (480, 480, 3) one after the other; it opens with the first, and stays closed once closed.
+    """Shows frames (size, size, 3) one after the other; it opens with the first, and stays closed once closed.
 
     Without a display SDL would draw where nobody looks, at the pace of the flight all the same. It does so only
     for who asks for it by name, with ``SDL_VIDEODRIVER=dummy``.
@@ -62,8 +62,9 @@ class Window:
         """Show a frame when its time has come."""
         if self.is_closed:
             return
-        screen = self._screen or self._open()
-        screen.blit(pygame.image.frombuffer(frame.tobytes(), (SIZE, SIZE), "RGB"), (0, 0))
+        height, width, _ = frame.shape
+        screen = self._screen or self._open((width, height))
+        screen.blit(pygame.image.frombuffer(frame.tobytes(), (width, height), "RGB"), (0, 0))
         self._clock.tick(self._fps)
         pygame.display.flip()
         if pygame.event.get(pygame.QUIT):
@@ -71,12 +72,12 @@ class Window:
         else:
             pygame.event.clear()
 
-    def _open(self) -> pygame.Surface:
+    def _open(self, size: tuple[int, int]) -> pygame.Surface:
         if not (is_driver_named() or has_display()):
             raise no_display("none")
         try:
             pygame.display.init()
-            self._screen = pygame.display.set_mode((SIZE, SIZE))
+            self._screen = pygame.display.set_mode(size)
         except pygame.error as error:
             raise no_display(repr(str(error))) from error
         pygame.display.set_caption("quadsafe")

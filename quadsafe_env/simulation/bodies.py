@@ -11,13 +11,23 @@ import numpy as np
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
-from quadsafe_core.kernels.vec3 import norm, write3
-from quadsafe_env.simulation.block import CLEARANCE, IS_FLYING, TABLE, fly_with_care
+from quadsafe_core.kernels.vec3 import norm, vector, write3
+from quadsafe_env.simulation.block import (
+    CLEARANCE,
+    DISTANCE,
+    GOAL,
+    HELD,
+    IS_FLYING,
+    LONGEST,
+    TABLE,
+    fly_with_care,
+)
 from quadsafe_env.simulation.episode import close_lanes, record_period, store_closed
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_bodies import Bodies, bodies_in, gap_of, least_gap
 from quadsafe_env.tasks.scene_columns import SceneColumns, columns_in
-from quadsafe_env.vehicle.state import STATE_SIZE, lane_triple
+from quadsafe_env.tasks.way import go_on, next_opening
+from quadsafe_env.vehicle.state import STATE_SIZE, lane_triple, store_triple
 
 # Lines of a lane: the least distance in the period, m, and its steps.
 LEAST, STEPS = 0, 1
@@ -109,10 +119,24 @@ def fly_among(block, first, count, plant, rotors, around):
                 meet_bodies(around, first + i, i, lane_triple(block, U(i)), plant.dt)
 
 
+@kernel
+def follow_way(block, i, openings):
+    """Lane i on its way: what is next is what it is paid to near; until that is the goal it has not arrived."""
+    if openings.size == 0:
+        return
+    block[LANES * (TABLE + DISTANCE) + i] += go_on(openings, lane_triple(block, U(i)))
+    g = next_opening(openings)
+    if g < openings.size:
+        store_triple(block, U(LANES * GOAL + i), vector(openings[g]["center"]))
+        block[LANES * HELD + i], block[LANES * LONGEST + i] = 0.0, 0.0
+
+
 @inline_kernel
 def close_period_among(block, gaps, first, count, around, plant, rows):
     """As ``close_period``, among bodies: they too are then where they are after it."""
     from_lanes(block, I(0), rows.state, I(STATE_SIZE), first, count)
+    for i in range(count):
+        follow_way(block, i, around.bodies.openings[first + i])
     for i in range(U(count)):
         gaps[i] = around.lines[i + U(LANES * LEAST)]
     record_period(block, gaps, count, plant.dt)

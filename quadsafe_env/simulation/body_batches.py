@@ -37,6 +37,7 @@ from quadsafe_env.tasks.reward import (
 )
 from quadsafe_env.tasks.scene_bodies import bodies_in, least_gap, sight_of
 from quadsafe_env.tasks.scene_columns import columns_in, point
+from quadsafe_env.tasks.way import begin_way, target_of
 from quadsafe_env.vehicle.state import STATE_SIZE, load
 
 
@@ -66,7 +67,8 @@ def begin_among(indices, memory, scene_memory, body_memory):
         bodies.center[row], bodies.bound[row] = bodies.home[row], -math.inf
         at = STATE_SIZE * row
         r = (rows.state[at], rows.state[at + 1], rows.state[at + 2])
-        distance = distance_to(r[0], r[1], r[2], point(goals, row))
+        begin_way(bodies.openings[row], r)
+        distance = distance_to(r[0], r[1], r[2], target_of(bodies.openings[row], point(goals, row)))
         begin_row(rows, row, m, distance, least_gap(bodies, row, r))
 
 
@@ -121,7 +123,7 @@ def observe_among(entries_of, size, indices, numbers, states, places, observatio
     for row in indices:
         s, seen = load(states[row]), observations[row]
         r = (s[0], s[1], s[2])
-        write_own(s, point(goals, row), params, seen)
+        write_own(s, target_of(bodies.openings[row], point(goals, row)), params, seen)
         seen[OWN_ENTRIES:], normals[:] = 0.0, 0.0
         way = way_since(bodies.seen[row], r)
         for k in range(bound.size):

@@ -16,6 +16,9 @@ from quadsafe_core.shapes.cores import CORE, NUMBERS, SPHERE, cores_of
 from quadsafe_core.shapes.distance import signed_distance
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_columns import columns_in, point
+from quadsafe_env.tasks.way import OPENING
+
+COUNT, OPENINGS = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=OPENING)
 
 
 class SceneBodies(NamedTuple):
@@ -29,6 +32,9 @@ class SceneBodies(NamedTuple):
     | seen     | (N, 4)         | that place, m, and the body that was nearest                |
     | core     | (N, K) ``CORE``| the bodies about their centres, without what is kept        |
     | numbers  | (M,)           | of the hulls among them, m                                  |
+    | openings | (N, G)         | what is passed before the goal counts, see ``tasks.way``    |
+
+    The memory begins with G.
     """
 
     velocity: NDArray[np.float64]
@@ -37,6 +43,7 @@ class SceneBodies(NamedTuple):
     seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
 class Bodies(NamedTuple):
@@ -50,28 +57,33 @@ class Bodies(NamedTuple):
     seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
-def body_memory(n: int, k: int, numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Memory of ``n`` worlds among ``k`` bodies, all absent, with these numbers of hulls."""
-    size = _before_cores(n, k) + n * k * CORE.itemsize
-    return np.concatenate([np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
+def body_memory(n: int, k: int, numbers: NDArray[np.float64], openings: int = 0) -> NDArray[np.uint8]:
+    """Memory of ``n`` worlds among ``k`` bodies and openings, all absent, with these numbers of hulls."""
+    count = np.array([openings], dtype=COUNT.dtype).view(np.uint8)
+    size = _before_cores(n, k, openings) - count.size + n * k * CORE.itemsize
+    return np.concatenate([count, np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
 
 
 def core_memory(memory: NDArray[np.uint8], n: int, k: int) -> NDArray[np.uint8]:
     """The part of the memory that ``Obstacles.cores`` is."""
-    return memory[_before_cores(n, k) :]
+    count, _ = taken(memory, COUNT, (1,))
+    return memory[_before_cores(n, k, int(count[0])) :]
 
 
 @register_jitable
 def scene_bodies_of(memory: Any, n: int, k: int) -> SceneBodies:
     """What there is within the memory; borrowed."""
-    velocity, rest = taken(memory, NUMBERS, (n, k, 3))
+    count, rest = taken(memory, COUNT, (1,))
+    openings, rest = taken(rest, OPENINGS, (n, count[0]))
+    velocity, rest = taken(rest, NUMBERS, (n, k, 3))
     home, rest = taken(rest, NUMBERS, (n, k, 3))
     bound, rest = taken(rest, NUMBERS, (n, k))
     seen, rest = taken(rest, NUMBERS, (n, 4))
     cores = cores_of(rest, n, k)
-    return SceneBodies(velocity, home, bound, seen, cores.core, cores.numbers)
+    return SceneBodies(velocity, home, bound, seen, cores.core, cores.numbers, openings)
 
 
 @inline_kernel
@@ -81,7 +93,7 @@ def bodies_in(scene_memory, memory):
     k = scenes.sphere_count
     b = scene_bodies_of(memory, n, k)
     center, radius = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
-    return Bodies(center, radius, b.velocity, b.home, b.bound, b.seen, b.core, b.numbers)
+    return Bodies(center, radius, b.velocity, b.home, b.bound, b.seen, b.core, b.numbers, b.openings)
 
 
 @inline_kernel
@@ -134,5 +146,5 @@ def crowded_among(rows, scene_memory, memory, free, out):
         out[i] = min(at_start, at_goal) < free
 
 
-def _before_cores(n: int, k: int) -> int:
-    return n * (7 * k + 4) * NUMBERS.itemsize
+def _before_cores(n: int, k: int, openings: int) -> int:
+    return COUNT.itemsize + n * (openings * OPENING.itemsize + (7 * k + 4) * NUMBERS.itemsize)

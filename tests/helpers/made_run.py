@@ -89,9 +89,10 @@ def write_trace(run: Run) -> None:
         last = min(i + 1, len(x) - 1)
         rows.append([is_shielded, round((i + 1) * PERIOD, 9), x[last], 0.0, z[last], *NO_SNAPS, False, ""])
     write_csv(run.folder / "trace.csv", HEADER, rows)
-    scene = {"start": [-1.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0], "center": [[0.0, 0.0, 0.0]]}
-    radii = {"keep_out_radius": [radius], "obstacle_radius": [radius - 0.06], "period": PERIOD}
+    scene = {"start": [-1.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0], "period": PERIOD}
+    body = {"shape": "sphere", "center": [0.0, 0.0, 0.0], "radius": radius - 0.06}
+    among = {"obstacles": [body], "keep_out": 0.06}
     arm = run.experiment.arms[0]
     write_json(
-        run.folder / "trace.json", {"arm": arm, "seed": 0, "scene": held_out_scenes(1)[0], **scene, **radii}
+        run.folder / "trace.json", {"arm": arm, "seed": 0, "scene": held_out_scenes(1)[0], **scene, **among}
     )

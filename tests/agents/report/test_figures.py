@@ -12,8 +12,18 @@ from agents.measure.trace import read_trace
 from agents.report import curves, figures, flight_figures
 from agents.report.run_figures import run_figures
 from agents.report.style import COLORS
+from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Sphere
 
 ARMS = ("none", "collision-penalty", "shield", "tracker")
+TURNED = np.array([[0.36, 0.48, -0.8], [-0.8, 0.6, 0.0], [0.48, 0.64, 0.6]])
+SHAPES = [
+    Sphere((0.2, 0.1, 0.3), 0.6),
+    Capsule((-0.7, 0.2, -0.4), (0.5, 0.4, 0.6), 0.4),
+    Cylinder((-0.5, 0.2, -0.4), (0.4, 0.4, 0.5), 0.5),
+    Box((0.1, 0.2, 0.3), (1.1, 0.5, 0.8), TURNED),
+    Hull([(-0.8, 0, -0.4), (0.6, 0.1, -0.3), (0, 0.9, -0.2), (0.1, 0.2, 0.8), (0.7, 0.6, 0.4)]),
+    Ellipsoid((0.1, 0.2, 0.3), (0.9, 0.4, 0.5), TURNED),
+]
 
 
 @pytest.fixture(scope="module")
@@ -158,14 +168,51 @@ def test_the_paths_are_those_of_the_trace_and_split_where_the_shield_acts(run, d
     ]
 
 
-def test_a_mesh_of_spheres_has_all_its_points_at_their_radii():
-    center, radius = np.array([[0.0, 0.0, 1.0], [3.0, 0.0, 0.0]]), [0.5, 1.5]
-    mesh = flight_figures.spheres(center, radius, "spheres", 1.0)
-    points = np.stack([mesh.x, mesh.y, mesh.z], axis=-1).reshape(2, -1, 3)
-    distance = np.linalg.norm(points - center[:, None], axis=-1)
-    assert distance == pytest.approx(np.broadcast_to(np.reshape(radius, (2, 1)), distance.shape))
-    assert max(mesh.i.max(), mesh.j.max(), mesh.k.max()) == 2 * len(points[0]) - 1
-    assert not len(flight_figures.spheres(np.empty((0, 3)), [], "none", 1.0).x)
+def triangles_of(mesh):
+    """Corners (T, 3, 3) of the triangles of a mesh that have an area."""
+    points = np.stack([mesh.x, mesh.y, mesh.z], axis=-1)
+    found = points[np.stack([mesh.i, mesh.j, mesh.k], axis=-1)]
+    normals = np.cross(found[:, 1] - found[:, 0], found[:, 2] - found[:, 0])
+    return found[np.linalg.norm(normals, axis=1) > 1e-12]
+
+
+@pytest.mark.parametrize("keep_out", [0.0, 0.2])
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
+def test_a_mesh_of_a_body_is_its_surface(shape, keep_out):
+    (mesh,) = flight_figures.bodies([shape], keep_out, "body", 1.0)
+    corners = triangles_of(mesh)
+    assert shape.distance(corners) == pytest.approx(keep_out, abs=1e-9)
+    # Chords of the surface, which lie a little below it.
+    middles = corners.mean(axis=1)
+    assert ((shape.distance(middles) <= keep_out + 1e-9) & (shape.distance(middles) > keep_out - 0.03)).all()
+    # It is closed: its volume, of triangles all turned outwards, is that of what is within.
+    volume = np.einsum("ti,ti->t", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0
+    cloud = np.random.default_rng(0).uniform(-2.5, 2.5, (200_000, 3))
+    assert abs(volume) == pytest.approx(125.0 * (shape.distance(cloud) < keep_out).mean(), rel=0.08)
+
+
+def test_bodies_are_two_meshes_and_one_entry_of_the_legend():
+    meshes = flight_figures.bodies(SHAPES, 0.0, "obstacle", 1.0)
+    assert [mesh.showlegend for mesh in meshes] == [True, False]
+    assert [mesh.flatshading for mesh in meshes] == [False, True]
+    assert not flight_figures.bodies([], 0.0, "obstacle", 1.0)
+
+
+def test_walls_are_drawn_where_they_bound_what_is_free():
+    low, high = np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 2.5])
+    room = [HalfSpace(axis, a) for axis, a in zip(np.eye(3), low, strict=True)]
+    room += [HalfSpace(-axis, -a) for axis, a in zip(np.eye(3), high, strict=True)]
+    meshes = flight_figures.walls(room, low - 1.0, high + 1.0)
+    assert [mesh.showlegend for mesh in meshes] == [True] + 5 * [False] and meshes[0].opacity < 0.3
+    for wall, mesh, sides in zip(room, meshes, 2 * [[1, 2], [0, 2], [0, 1]], strict=True):
+        corners = triangles_of(mesh)
+        assert wall.distance(corners) == pytest.approx(0.0, abs=1e-12)
+        area = 0.5 * np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2))), axis=1).sum()
+        assert area == pytest.approx(np.prod((high - low)[sides]))
+    # A wall alone goes to the ends of the box, and one beyond it is not drawn.
+    (alone,) = flight_figures.walls([room[0]], low - 1.0, high + 1.0)
+    assert (alone.y.min(), alone.y.max(), alone.z.max()) == pytest.approx((-3.0, 3.0, 3.5))
+    assert not flight_figures.walls([HalfSpace((1, 0, 0), -9.0)], low, high)
 
 
 def test_the_timeline_shows_desired_and_applied_snap_and_shades_where_the_shield_acts(run, drawn):

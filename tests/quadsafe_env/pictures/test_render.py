@@ -10,34 +10,34 @@ import pygame
 import pytest
 
 import quadsafe_env  # noqa: F401
-from quadsafe_env.pictures.render import (
-    ACTS,
-    BREACH,
-    GOAL,
-    NOSE,
-    OBSTACLE,
-    ROTOR,
-    SHELL,
-    frame,
-    shell_tints,
-    view_of,
-)
+from quadsafe_core.shapes import Obstacles
+from quadsafe_env.pictures.camera import view_of
+from quadsafe_env.pictures.render import ACTS, BREACH, NOSE, ROTOR, frame, tints_of
+from quadsafe_env.pictures.sprites import GOAL, OBSTACLE
 from quadsafe_env.pictures.trail import LENGTH, NO_PAST, Past, Trail
 from quadsafe_env.pictures.window import Window, has_display
 from quadsafe_env.registration import IDS
-from quadsafe_env.tasks.obstacles import Spheres
 from quadsafe_env.vehicle.params import PRESETS
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, hover_state
 from shields import ShieldWrapper, VectorShieldWrapper
 
 CRAZYFLIE = PRESETS["crazyflie"]
 START, FINISH = np.array([-2.0, 0.0, 0.0]), np.array([2.0, 0.5, 0.3])
-NO_SPHERES = Spheres(np.zeros((0, 3)), np.zeros(0))
-ONE_SPHERE = Spheres(np.array([[0.0, 0.0, 0.0]]), np.array([0.6]))
+# Pictures that kernels draw in plain Python too.
+SMALL = 40
 
 
-def picture(position=START, spheres=ONE_SPHERE, params=CRAZYFLIE, past=NO_PAST):
-    return frame(hover_state(position, params), FINISH, spheres, params, START, past=past)
+def spheres(*rows, keep_out=CRAZYFLIE.radius):
+    """Keep-out spheres of rows x, y, z, radius."""
+    table = np.reshape(np.array(rows, dtype=float), (-1, 4))
+    return Obstacles(table[:, :3].copy(), table[:, 3].copy(), keep_out=keep_out)
+
+
+NO_SPHERES, ONE_SPHERE = spheres(), spheres([0.0, 0.0, 0.0, 0.6])
+
+
+def picture(position=START, obstacles=ONE_SPHERE, params=CRAZYFLIE, past=NO_PAST, size=480):
+    return frame(hover_state(position, params), FINISH, obstacles, params, START, past=past, size=size)
 
 
 def count(image, color, tolerance=25):
@@ -53,13 +53,13 @@ def place_of(image, color):
 
 @pytest.mark.interpreted
 def test_frame_is_an_image_of_the_callers_own():
-    first, second = picture(), picture()
-    assert first.shape == (480, 480, 3) and first.dtype == np.uint8
+    first, second = picture(size=SMALL), picture(size=SMALL)
+    assert first.shape == (SMALL, SMALL, 3) and first.dtype == np.uint8
     assert first.flags.c_contiguous and first.flags.writeable
     assert not np.shares_memory(first, second)
     np.testing.assert_array_equal(first, second)
     first[:] = 0
-    np.testing.assert_array_equal(picture(), second)
+    np.testing.assert_array_equal(picture(size=SMALL), second)
 
 
 def test_everything_is_in_the_picture():
@@ -69,19 +69,19 @@ def test_everything_is_in_the_picture():
     ball = image.astype(float).reshape(-1, 3)
     hue = np.abs(ball / np.maximum(ball[:, :1], 1) - np.array(OBSTACLE) / OBSTACLE[0]).max(axis=1) < 0.15
     assert (hue & (ball[:, 0] > 60)).sum() > 2000
-    assert not np.array_equal(picture(spheres=NO_SPHERES), image)
+    assert not np.array_equal(picture(obstacles=NO_SPHERES), image)
 
 
 def rim_color(position):
     """Colour of the shell where it is brightest, just inside its outline on the right."""
-    view = view_of(np.asarray(position), FINISH, START, ONE_SPHERE)
+    view = view_of(np.asarray(position), FINISH, START)
     column, row = view.pixels([0.0, 0.0, 0.0])
-    edge = column + 0.985 * float(view.sizes(np.zeros(3), 0.6))
+    edge = column + 0.985 * view.focal * 0.6 / np.sqrt(view.eye @ view.eye - 0.6**2)
     return picture(position)[round(row), round(edge)].astype(float)
 
 
 def test_path_runs_from_left_to_right_and_the_ground_is_below():
-    view = view_of(START, FINISH, START, ONE_SPHERE)
+    view = view_of(START, FINISH, START)
     (left, _), (right, _), (_, low), (_, high) = view.pixels([START, FINISH, [0, 0, -1], [0, 0, 1]])
     assert 40 < left < 200 and 280 < right < 440
     assert low > high
@@ -90,13 +90,13 @@ def test_path_runs_from_left_to_right_and_the_ground_is_below():
 @pytest.mark.parametrize("seed", range(20))
 def test_vehicle_is_seen_wherever_it_is(seed):
     position = np.random.default_rng(seed).normal(size=3) * 10.0 ** (seed % 4)
-    view = view_of(position, FINISH, START, ONE_SPHERE)
+    view = view_of(position, FINISH, START)
     assert (np.abs(view.pixels(position) - 240) < 230).all()
     assert count(picture(position, NO_SPHERES), NOSE) > 10
 
 
 def test_camera_stays_while_the_vehicle_is_near():
-    views = [view_of(np.array(p), FINISH, START, ONE_SPHERE) for p in ([-1, 0, 0], [1, 1, 0], [0, -1, 1])]
+    views = [view_of(np.array(p), FINISH, START) for p in ([-1, 0, 0], [1, 1, 0], [0, -1, 1])]
     for view in views[1:]:
         np.testing.assert_array_equal(view.eye, views[0].eye)
 
@@ -113,7 +113,6 @@ def test_vehicle_moves_and_tilts_in_the_picture():
     assert not np.array_equal(frame(more, FINISH, ONE_SPHERE, CRAZYFLIE, START), picture())
 
 
-@pytest.mark.interpreted
 def test_shell_turns_red_around_a_vehicle_inside():
     outside, inside = rim_color([-0.61, 0.0, 0.0]), rim_color([-0.59, 0.0, 0.0])
     # Hues: the shell lets a part of what is behind it through.
@@ -122,7 +121,7 @@ def test_shell_turns_red_around_a_vehicle_inside():
 
 
 def test_vehicle_behind_a_sphere_leaves_a_trace():
-    behind = view_of(START, FINISH, START, ONE_SPHERE).axes[2]
+    behind = view_of(START, FINISH, START).axes[2]
     hidden, shown = picture(1.5 * behind), picture(-1.5 * behind)
     assert count(shown, NOSE) > 10 > count(hidden, NOSE)
     assert not np.array_equal(hidden, picture(1.6 * behind))
@@ -131,21 +130,22 @@ def test_vehicle_behind_a_sphere_leaves_a_trace():
 @pytest.mark.interpreted
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize(
-    "spheres",
+    "rows",
     [
-        NO_SPHERES,
-        Spheres(np.zeros((2, 3)), np.zeros(2)),
-        Spheres(np.array([[3.0, 3.0, 3.0], [0.0, -20.0, 9.0], [0.0, 0.0, 0.0]]), np.array([5.0, 3.0, 1e4])),
-        Spheres(np.array([[0.0, 0.0, 0.0]]), np.array([0.01])),
-        Spheres(np.array([[1e6, 0.0, 0.0]]), np.array([1.0])),
+        [],
+        [[0, 0, 0, 0], [0, 0, 0, 0]],
+        [[3, 3, 3, 5], [0, -20, 9, 3], [0, 0, 0, 1e4]],
+        [[0, 0, 0, 0.01]],
+        [[1e6, 0, 0, 1]],
     ],
 )
-def test_odd_scenes_are_drawn_too(spheres, preset):
+def test_odd_scenes_are_drawn_too(rows, preset):
     params = PRESETS[preset]
-    assert picture(spheres=spheres, params=params).shape == (480, 480, 3)
+    obstacles = spheres(*rows, keep_out=params.radius)
+    assert picture(obstacles=obstacles, params=params, size=SMALL).shape == (SMALL, SMALL, 3)
     # Start, goal and vehicle in one place.
-    at_once = frame(hover_state(START, params), START, spheres, params, START)
-    assert at_once.shape == (480, 480, 3)
+    at_once = frame(hover_state(START, params), START, obstacles, params, START, size=SMALL)
+    assert at_once.shape == (SMALL, SMALL, 3)
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -177,12 +177,13 @@ def test_frames_are_collected_by_gymnasium():
 
 @pytest.mark.interpreted
 def test_rows_of_the_vector_env_are_the_single_envs_frames():
-    rows = gymnasium.make_vec("QuadSafe/Avoid-v0", 3, render_mode="rgb_array")
+    looks = {"render_mode": "rgb_array", "render_size": SMALL}
+    rows = gymnasium.make_vec("QuadSafe/Avoid-v0", 3, **looks)
     rows.reset(seed=4)
     frames = rows.render()
     assert isinstance(frames, tuple) and len(frames) == 3
     for i, image in enumerate(frames):
-        env = gymnasium.make("QuadSafe/Avoid-v0", render_mode="rgb_array")
+        env = gymnasium.make("QuadSafe/Avoid-v0", **looks)
         env.reset(seed=4 + i)
         np.testing.assert_array_equal(env.render(), image)
 
@@ -218,7 +219,8 @@ def test_trail_is_in_the_picture_and_gone_after_reset():
         states.append(env.state)
     trail = env._world.past(0).trail
     np.testing.assert_array_equal(trail, np.array(states)[:, :3])
-    bare = frame(env.state, env.goal, env.obstacles, env.params, env._world.scenes.start[0])
+    obstacles, start = env._world.obstacles_of(0), env._world.scenes.start[0]
+    bare = frame(env.state, env.goal, obstacles, env.params, start)
     assert (env.render() != bare).any(axis=-1).sum() > 30
     env.reset(seed=0)
     np.testing.assert_array_equal(env.render(), first)
@@ -227,21 +229,18 @@ def test_trail_is_in_the_picture_and_gone_after_reset():
 
 
 def test_trail_behind_a_sphere_is_hidden():
-    behind = view_of(START, FINISH, START, ONE_SPHERE).axes[2]
+    behind = view_of(START, FINISH, START).axes[2]
     ways = [side * 1.2 * behind + np.linspace(-0.3, 0.3, 9)[:, None] * [0, 0, 1] for side in (1, -1)]
     hidden, shown = (picture(past=Past(way, np.ones(9, dtype=bool))) for way in ways)
     assert count(shown, ACTS) > 20 > count(hidden, ACTS)
 
 
-@pytest.mark.interpreted
 def test_shell_turns_amber_for_the_sphere_that_the_filter_answers_for():
-    two = Spheres(np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), np.array([0.6, 0.5]))
-    pasts = [NO_PAST._replace(is_corrected=True, sphere=k) for k in (0, 1)]
-    for sphere, past in enumerate(pasts):
-        tints = shell_tints(hover_state(START, CRAZYFLIE), two, past)
-        assert tuple(tints[sphere]) == ACTS and tuple(tints[1 - sphere]) == SHELL
-    inside = shell_tints(hover_state(np.zeros(3), CRAZYFLIE), two, pasts[0])
-    assert tuple(inside[0]) == BREACH
+    pasts = [NO_PAST._replace(is_corrected=True, obstacle=k) for k in (0, 1)]
+    for k, past in enumerate(pasts):
+        tints = tints_of(np.array([0.1, 0.2]), past)
+        assert tints[k] == ACTS and 1 - k not in tints
+    assert tints_of(np.array([-0.1, 0.2]), pasts[0])[0] == BREACH
     acts, idle = picture(past=pasts[0]), picture()
     assert count(acts[:40, :140], ACTS) > 60 and count(idle, ACTS) == 0
     # Corrected, but for no sphere: the vehicle's authority, say.
@@ -261,7 +260,7 @@ def test_pictures_say_exactly_when_the_shield_acts():
     for _ in range(60):
         shield = env.step(towards(env))[4]["shield"]
         past = env.unwrapped._world.past(0)
-        assert (past.is_corrected, past.sphere) == (shield["intervened"], shield["obstacle"])
+        assert (past.is_corrected, past.obstacle) == (shield["intervened"], shield["obstacle"])
         assert (count(env.render()[:40, :140], ACTS) > 60) == shield["intervened"]
         told.append(shield["intervened"])
     np.testing.assert_array_equal(env.unwrapped._world.past(0).was_corrected[1:], told)
