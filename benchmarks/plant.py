@@ -23,6 +23,7 @@ from quadsafe_env.vehicle.state import hover_state
 NAME = "QuadSafe/Avoid-v0"
 RATES: dict[str, Any] = {"policy_hz": 50, "control_hz": 50, "physics_hz": 500}
 ROUNDS = 16
+KINDS = ("sphere", "capsule", "cylinder", "box", "hull", "ellipsoid", "half_space")
 
 
 @kernel
@@ -84,6 +85,27 @@ def vector(n: int, budget: float, label: str = "", **keywords) -> None:
     print(f"vector env, N = {rows:<24} {n / once / 1e6:19.3f} M steps/s {1e9 * once / n:8.0f} ns a row")
 
 
+def ten(kinds: tuple[str, ...]) -> list[dict[str, Any]]:
+    """Ten bodies of some 0.5 m beside the flights, of these kinds in turn."""
+    rng = np.random.default_rng(0)
+    places = 2.0 * np.array([(x, y, z) for x in (-1, 0, 1) for y in (-1, 1) for z in (-1, 1)][:10])
+    return [body(rng, kind, place) for kind, place in zip(cycle(kinds), places, strict=False)]
+
+
+def body(rng: np.random.Generator, kind: str, place: np.ndarray) -> dict[str, Any]:
+    ends = {"start": place - 0.2, "end": place + 0.2, "radius": 0.1}
+    fields: dict[str, dict[str, Any]] = {
+        "sphere": {"center": place, "radius": 0.25},
+        "capsule": ends,
+        "cylinder": ends,
+        "box": {"center": place, "size": [0.5, 0.4, 0.3]},
+        "hull": {"points": place + rng.uniform(-0.3, 0.3, (12, 3))},
+        "ellipsoid": {"center": place, "axes": [0.3, 0.2, 0.1]},
+        "half_space": {"normal": [0, 0, 1], "offset": -3.5},
+    }
+    return {"shape": kind, **fields[kind]}
+
+
 def single(label: str, budget: float, **keywords) -> None:
     env = gymnasium.make(NAME, max_episode_steps=10**9, terminate_on_violation=False, **RATES, **keywords)
     env.reset(seed=0)
@@ -102,6 +124,8 @@ def main() -> None:
         vector(n, budget)
     for n in (1, 1024):
         vector(n, budget, ", real conditions", conditions="randomised")
+        vector(n, budget, ", ten spheres", obstacles=ten(("sphere",)))
+        vector(n, budget, ", ten mixed bodies", obstacles=ten(KINDS))
     single("", budget)
     single(", disable_env_checker=True", budget, disable_env_checker=True)
 

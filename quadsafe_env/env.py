@@ -62,6 +62,17 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     | +3–5    | unit normal of that surface there, away from it            | exact                    |
     | +6      | 1 if there is such an obstacle                             | exact                    |
 
+    The core of a capsule is its segment, that of a box the box itself. Inside a keep-out surface the way to its
+    nearest point is the way out. Nearest is by signed distance; of equals the first given.
+
+    ### Obstacles
+    What the task draws, or `obstacles=`: spheres, capsules, cylinders, boxes, hulls of points, ellipsoids and
+    half-spaces (``quadsafe_core.shapes``), at rest or at a constant velocity, which moves them in every physics
+    step from the beginning of the episode on. `bounds=(low, high)` are six walls more. The vehicle is a ball of
+    radius `params.radius` about r; start and goal are redrawn until they are 0.15 m clear of what was given,
+    where it is at the beginning. The property `obstacles` is what there is now, a copy: iterating gives the
+    shapes; `keep_out` is the vehicle's radius, which `radius` holds.
+
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
     0.5 s without a break. A collision costs nothing here: it is `info["cost"]`.
@@ -74,7 +85,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
 
     ### Start and end
     A scene is a function of a 64-bit integer: `reset(seed=s)` flies scene s, later resets hash (s, episode),
-    `reset(options={"scene": k})` flies scene k. Starts are at rest, clear of every sphere. An episode ends
+    `reset(options={"scene": k})` flies scene k. Starts are at rest, clear of every obstacle. An episode ends
     with a violation (`terminate_on_violation=False` flies on), out of bounds, at a crash of the model (thrust
     at its floor or a non-finite state), and, but for Flight, on arrival. The env never truncates itself:
     `truncated` is the time limit that `gym.make` adds, and nothing else.
@@ -82,8 +93,9 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     ### Info, the same keys at reset and at every step
     | key                                  | meaning                                                          |
     |--------------------------------------|------------------------------------------------------------------|
-    | `cost`                               | 1.0 if a keep-out sphere was entered at a physics substep        |
-    | `clearance`                          | least distance to a keep-out sphere over the substeps, m         |
+    | `cost`                               | 1.0 if `clearance` is negative                                   |
+    | `clearance`                          | least signed distance of the vehicle's ball to an obstacle over  |
+    |                                      | the physics substeps, m; negative inside, inf without any        |
     | `is_success`                         | arrived, without a violation in this episode                     |
     | `violation`, `out_of_bounds`, `crash`| what this step did; a crash leaves the last sound state          |
     | `invalid_action`                     | the action was not finite                                        |

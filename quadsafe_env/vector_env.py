@@ -204,5 +204,5 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
 
     @property
     def obstacles(self) -> Obstacles:
-        """What there is in every row as it stands now, a copy; iterating gives a list of shapes a row."""
+        """What there is as it stands now, packed in a copy; iterating gives a list of shapes for each row."""
         return copied(self._world.obstacles)

@@ -1,1 +1,1 @@
-"""Where a quadrotor flies, what it is paid for, and what it meets: scenes, spheres, rewards, conditions."""
+"""Where a quadrotor flies, what it is paid for, and what it meets: scenes, bodies, rewards, conditions."""

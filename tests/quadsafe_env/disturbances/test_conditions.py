@@ -11,7 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 from quadsafe_core.maths.counter_rng import key_words
-from quadsafe_env import CONDITIONS, Conditions
+from quadsafe_env import CONDITIONS, Box, Capsule, Conditions, HalfSpace, Obstacles
 from quadsafe_env.disturbances.disturbance import GUST_LENGTH, TURBULENCE_TIME
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld
 from quadsafe_env.settings import TASKS, build_world
@@ -38,7 +38,14 @@ def vector(n, conditions=None, **keywords):
     return env.unwrapped
 
 
-def world(cls, n, action="velocity", limits=False, **keywords):
+MOVING = [
+    Box((0, 0, 0), (1, 2, 1), velocity=(0.3, 0.1, 0)),
+    Capsule((-1, 0, 1), (0, 1, 1), 0.2, velocity=(0, 0, -0.2)),
+    HalfSpace((0, 0, 1), -2.5),
+]
+
+
+def world(cls, n, action="velocity", limits=False, shapes=(), **keywords):
     """A world of racers in forests of scenes 0, 1, …"""
     rates = Rates(25, 100, 500)
     built = cls(
@@ -46,7 +53,8 @@ def world(cls, n, action="velocity", limits=False, **keywords):
         TASKS["forest"],
         PRESETS["racer"],
         action=action,
-        spheres=None,
+        obstacles=Obstacles.pack(shapes, keep_out=PRESETS["racer"].radius),
+        draws=not shapes,
         rates=rates,
         terminate_on_violation=True,
         rotor_limits=limits,
@@ -112,13 +120,14 @@ class Watched(Recorder):
 # Off
 
 
+@pytest.mark.parametrize("shapes", [(), MOVING], ids=["spheres", "moving bodies"])
 @pytest.mark.parametrize("limits", [False, True])
 @pytest.mark.parametrize("action", ACTIONS)
-def test_the_disturbed_plant_with_everything_off_is_the_plant_bit_for_bit(action, limits):
+def test_the_disturbed_plant_with_everything_off_is_the_plant_bit_for_bit(action, limits, shapes):
     n, rng = 18, np.random.default_rng(0)
     plain, off = (
-        world(World, n, action, limits),
-        world(DisturbedWorld, n, action, limits, conditions=Conditions()),
+        world(World, n, action, limits, shapes),
+        world(DisturbedWorld, n, action, limits, shapes, conditions=Conditions()),
     )
     ends = 0
     for _ in range(30):
@@ -129,6 +138,7 @@ def test_the_disturbed_plant_with_everything_off_is_the_plant_bit_for_bit(action
         np.testing.assert_array_equal(off.states, plain.states)
         np.testing.assert_array_equal(off.outcomes, plain.outcomes)
         np.testing.assert_array_equal(off.flags, plain.flags)
+        np.testing.assert_array_equal(off.obstacles.center, plain.obstacles.center)
         ends += plain.flags[-1].sum()
     assert ends or action == "velocity"
 
