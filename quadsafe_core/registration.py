@@ -1,10 +1,16 @@
-"""The ids of the three tasks, by name only: both islands register them, without importing each other."""
+"""The ids of the tasks, by name only: both islands register them, without importing each other."""
 
 import gymnasium
 
-IDS = {"QuadSafe/Flight-v0": "flight", "QuadSafe/Avoid-v0": "avoid", "QuadSafe/Forest-v0": "forest"}
-# Time limits in policy steps: 12, 10 and 16 s at the default 25 Hz.
-TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400}
+IDS = {
+    "QuadSafe/Flight-v0": "flight",
+    "QuadSafe/Avoid-v0": "avoid",
+    "QuadSafe/Forest-v0": "forest",
+    "QuadSafe/Rooms-v0": "rooms",
+    "QuadSafe/Gates-v0": "gates",
+}
+# Time limits in policy steps: 12, 10, 16, 16 and 24 s at the default 25 Hz.
+TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400, "rooms": 400, "gates": 600}
 
 
 def register_environments() -> None:

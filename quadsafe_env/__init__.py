@@ -13,6 +13,7 @@ from quadsafe_core.shapes import (
     Sphere,
     shape_from,
 )
+from quadsafe_env.maps import Map, load_obstacles
 from quadsafe_env.tasks.conditions import CONDITIONS, Conditions
 
 register_environments()
@@ -25,5 +26,5 @@ keep_old_paths(
     },
 )
 
-__all__ = ["CONDITIONS", "Conditions"]
+__all__ = ["CONDITIONS", "Conditions", "Map", "load_obstacles"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]

@@ -182,6 +182,15 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return self._world.scenes.goal[0].copy()
 
     @property
+    def way(self) -> NDArray[np.float64]:
+        """The corners (W, 3) of a way from start to goal, m, free by construction in rooms and gates.
+
+        ``quadsafe_env.tasks.rooms`` and ``quadsafe_env.tasks.gates`` say what it keeps clear of. Elsewhere it is the
+        straight one, whatever is in it.
+        """
+        return self._world.way_of(0)
+
+    @property
     def obstacles(self) -> Obstacles:
         """What there is as it stands now, a copy; iterating gives the shapes, without ``keep_out``."""
         return copied_row(self._world.obstacles, 0)

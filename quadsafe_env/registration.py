@@ -1,4 +1,4 @@
-"""The ids of the three tasks; the floor has them, so that they are known wherever it is."""
+"""The ids of the tasks; the floor has them, so that they are known wherever it is."""
 
 from quadsafe_core.registration import IDS, TIME_LIMITS, register_environments
 

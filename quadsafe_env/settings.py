@@ -14,9 +14,12 @@ from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.camera import camera_from, picture_size
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
+from quadsafe_env.scene_settings import furnished
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
+from quadsafe_env.tasks.gates import GatesTask
+from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 
@@ -27,6 +30,20 @@ TASKS = {
     # At 2 m every second draw is clear of start and goal.
     "forest": ForestTask(
         body_count=10, observed_count=8, ends_at_goal=True, sizes=(0.2, 0.4), largest_keep_out=2.0
+    ),
+    "rooms": RoomsTask(
+        body_count=20, observed_count=8, ends_at_goal=True, layout="surfaces", is_mixed=True, opening_count=1
+    ),
+    # A course of six gates for the largest vehicle is 18 m long.
+    "gates": GatesTask(
+        body_count=24,
+        observed_count=8,
+        ends_at_goal=True,
+        low=(-12.0, -4.0, -4.0),
+        high=(12.0, 4.0, 4.0),
+        layout="surfaces",
+        is_mixed=True,
+        opening_count=6,
     ),
 }
 RENDER_MODES = ("human", "rgb_array")
@@ -55,6 +72,10 @@ def build_world(
     terminate_on_violation: bool = True,
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
+    opening: float | None = None,
+    gates: int | None = None,
+    pillars: int | None = None,
+    boxes: int | None = None,
     rotor_limits: bool = False,
     conditions=None,
     render_size: int = 480,
@@ -65,7 +86,7 @@ def build_world(
     Args:
         n: number of rows.
         render_mode: one that was checked, or None; what is rendered remembers its past.
-        task: "flight", "avoid" or "forest"; fixed by the id.
+        task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
         action: "velocity", "snap" or "wrench".
         params: preset name, mapping of fields, or QuadrotorParams.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
@@ -77,6 +98,10 @@ def build_world(
         terminate_on_violation: whether a violation ends the episode.
         sphere_count: number of spheres of a forest.
         sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
+        opening: width of the doorway or window of rooms, width and height of every gate, m, 0.8 unless given.
+        gates: number of gates, 1 to 6; 0, the default, draws 3 to 6.
+        pillars: number of pillars of a room, 4 unless given.
+        boxes: number of its boxes, 6 unless given.
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
             desired yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
@@ -92,10 +117,14 @@ def build_world(
     given = [] if obstacles is None else shapes_from(obstacles)
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
+    furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
     if draws:
         _check_room(drawn, vehicle)
+        drawn = furnished(task, drawn, vehicle.radius, **furniture)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
+    elif any(value is not None for value in furniture.values()):
+        raise ValueError(f"{', '.join(furniture)} must be left out where obstacles are given, got both")
     kept: dict[str, Any] = {
         "action": action,
         "obstacles": Obstacles.pack([*given, *walls], keep_out=vehicle.radius),

@@ -13,6 +13,7 @@ from quadsafe_core.kernels.jit import compiling
 from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import (
     as_array,
+    as_cores,
     as_obstacles,
     check_snapshot,
     checked_mask,
@@ -192,7 +193,7 @@ class Shield:
         if size is None:
             raise shape_error(*given)
         self._begin(size, is_single, control_period(period))
-        velocity, cores = obstacles.velocity, obstacles.cores
+        velocity, cores = obstacles.velocity, as_cores(obstacles.cores, size)
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
         self._are_still = moving is None
         self._method.move(0.0 if moving is None else moving)

@@ -201,7 +201,7 @@ def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_
         load_rows(block, first, count, rows.state, scenes)
         load_flown(block, first, count, weather)
         open_period(block, first, count, rows.table, plant.yaw)
-        open_around(around, block, count)
+        open_around(around, count)
         for lane in range(count):
             row = first + lane
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:

@@ -3,14 +3,15 @@
 ``body_memory`` is the memory of ``quadsafe_env.tasks.scene_bodies.SceneBodies``.
 """
 
+import math
+
 import numpy as np
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, new_block
 from quadsafe_core.kernels.ravel import unraveled
-from quadsafe_core.kernels.vec3 import scale, subtract
-from quadsafe_core.shapes.distance import nearest_point, signed_distance
+from quadsafe_core.kernels.vec3 import dot, scale, vector, write3
 from quadsafe_env.simulation.batches import begin_row, load_lanes
 from quadsafe_env.simulation.block import block_of
 from quadsafe_env.simulation.bodies import (
@@ -20,11 +21,12 @@ from quadsafe_env.simulation.bodies import (
     columns_among,
     fly_among,
     open_around,
+    way_since,
 )
 from quadsafe_env.simulation.episode import store_table
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rows import FLAGS, rows_in
-from quadsafe_env.tasks.obstacles import NO_OBSTACLE, comes_after, distance_to
+from quadsafe_env.tasks.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.tasks.reward import (
     OWN_ENTRIES,
     SPHERE_ENTRIES,
@@ -33,8 +35,9 @@ from quadsafe_env.tasks.reward import (
     sphere_entries,
     surface_entries,
 )
-from quadsafe_env.tasks.scene_bodies import bodies_in, from_center, gap_of, least_gap
+from quadsafe_env.tasks.scene_bodies import bodies_in, least_gap, sight_of
 from quadsafe_env.tasks.scene_columns import columns_in, point
+from quadsafe_env.tasks.way import begin_way, target_of
 from quadsafe_env.vehicle.state import STATE_SIZE, load
 
 
@@ -47,7 +50,7 @@ def advance_among(numbers, rotors, closes, memory, scene_memory, body_memory, sn
     for first in range(0, snap.shape[0], LANES):
         count = min(LANES, snap.shape[0] - first)
         load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
-        open_around(around, block, count)
+        open_around(around, count)
         fly_among(block, first, count, plant, rotors, around)
         close_period_among(block, gaps, first, count, around, plant, rows)
         if closes:
@@ -61,38 +64,44 @@ def begin_among(indices, memory, scene_memory, body_memory):
     rows, bodies, m = rows_in(memory), bodies_in(scene_memory, body_memory), memory.shape[1]
     goals = columns_in(scene_memory).goal
     for row in indices:
-        bodies.center[row] = bodies.home[row]
+        bodies.center[row], bodies.bound[row] = bodies.home[row], -math.inf
         at = STATE_SIZE * row
         r = (rows.state[at], rows.state[at + 1], rows.state[at + 2])
-        distance = distance_to(r[0], r[1], r[2], point(goals, row))
+        begin_way(bodies.openings[row], r)
+        distance = distance_to(r[0], r[1], r[2], target_of(bodies.openings[row], point(goals, row)))
         begin_row(rows, row, m, distance, least_gap(bodies, row, r))
 
 
 @inline_kernel
-def center_entries(bodies, row, k, r):
-    """Entries of a body as if of a sphere: about the point of its core that is nearest to r."""
-    x = from_center(bodies, row, k, r, 0.0)
-    nearest = nearest_point(bodies.core[row, k], bodies.numbers, x)
-    return sphere_entries(subtract(nearest, x), bodies.radius[row, k], True)
+def center_entries(gap, n, radius):
+    """Entries of a body as if of a sphere: about the point of its core that is nearest."""
+    return sphere_entries(scale(-max(gap + radius, 0.0), n), radius, True)
 
 
 @inline_kernel
-def outline_entries(bodies, row, k, r):
-    """Entries of the point of a body's keep-out surface that is nearest to r."""
-    x = from_center(bodies, row, k, r, 0.0)
-    d, n = signed_distance(bodies.core[row, k], bodies.numbers, x)
-    return surface_entries(scale(bodies.radius[row, k] - d, n), n)
+def outline_entries(gap, n, radius):
+    """Entries of the nearest point of a body's keep-out surface."""
+    return surface_entries(scale(-gap, n), n)
 
 
 @kernel
-def next_nearest(gaps, last):
-    """The nearest body after the last one in the order of gaps; −1 when there is none."""
-    best, least = -1, NO_OBSTACLE
-    for k in range(gaps.size):
-        is_after = last < 0 or comes_after(gaps[k], k, gaps[last], last)
-        if is_after and gaps[k] < least:
-            best, least = k, gaps[k]
-    return best
+def nearest_left(bodies, row, r, bound, normals):
+    """The nearest body not given yet, −1 when there is none, and its distance, m; its normal is written.
+
+    ``bound`` (K,) is below its distance where a normal is 0, and else the distance.
+    """
+    while True:
+        best = 0
+        for k in range(1, bound.size):
+            best = k if bound[k] < bound[best] else best
+        if bound.size == 0 or bound[best] == NO_OBSTACLE:
+            return -1, NO_OBSTACLE
+        n, gap = normals[best], bound[best]
+        if dot(n, n) > 0.0:
+            bound[best] = NO_OBSTACLE
+            return best, gap
+        bound[best], found = sight_of(bodies, row, best, r, 0.0)
+        write3(n, found)
 
 
 @inline_kernel
@@ -109,20 +118,23 @@ def observe_among(entries_of, size, indices, numbers, states, places, observatio
     """As ``observe_rows``, among bodies, which have so many entries each."""
     params, (scene_memory, body_memory) = unraveled(numbers, Plant).params, places
     bodies, goals = bodies_in(scene_memory, body_memory), columns_in(scene_memory).goal
-    gaps = np.empty(bodies.radius.shape[1])
+    bound = np.empty(bodies.radius.shape[1])
+    normals = np.empty((bound.size, 3))
     for row in indices:
         s, seen = load(states[row]), observations[row]
         r = (s[0], s[1], s[2])
-        write_own(s, point(goals, row), params, seen)
-        seen[OWN_ENTRIES:] = 0.0
-        for k in range(gaps.size):
-            gaps[k] = gap_of(bodies, row, k, r, 0.0)
-        at, k = OWN_ENTRIES, next_nearest(gaps, -1)
-        while at < seen.size and k >= 0:
-            entries = entries_of(bodies, row, k, r)
+        write_own(s, target_of(bodies.openings[row], point(goals, row)), params, seen)
+        seen[OWN_ENTRIES:], normals[:] = 0.0, 0.0
+        way = way_since(bodies.seen[row], r)
+        for k in range(bound.size):
+            bound[k] = bodies.bound[row, k] - way
+        for at in range(OWN_ENTRIES, seen.size, size):
+            k, gap = nearest_left(bodies, row, r, bound, normals)
+            if k < 0:
+                break
+            entries = entries_of(gap, vector(normals[k]), bodies.radius[row, k])
             for i in range(size):
                 seen[at + i] = entries[i]
-            at, k = at + size, next_nearest(gaps, k)
 
 
 @kernel

@@ -14,6 +14,7 @@ from quadsafe_env.simulation.rows import rows_of
 from quadsafe_env.tasks.scene_bodies import core_memory, scene_bodies_of
 from quadsafe_env.tasks.scene_columns import Scenes
 from quadsafe_env.tasks.sources import SceneSource
+from quadsafe_env.tasks.way import OPENING
 from quadsafe_env.vehicle.state import STATE_SIZE
 
 # By the layout of the task.
@@ -71,6 +72,11 @@ def obstacles_among(scenes: Scenes, source: SceneSource, keep_out: float) -> Obs
         velocity = scene_bodies_of(source.bodies, n, k).velocity if source.moves else None
         cores = core_memory(source.bodies, n, k) if source.is_mixed else None
     return Obstacles(center, radius, velocity, cores, keep_out)
+
+
+def openings_of(bodies: NDArray[np.uint8] | None, n: int, k: int) -> NDArray[np.void]:
+    """The openings (N, G) of all rows, views of the memory of their bodies."""
+    return np.zeros((n, 0), dtype=OPENING) if bodies is None else scene_bodies_of(bodies, n, k).openings
 
 
 def copied(obstacles: Obstacles) -> Obstacles:

@@ -28,12 +28,13 @@ from quadsafe_env.simulation.slot import (
     completed,
     safe_snaps,
 )
-from quadsafe_env.simulation.surroundings import flight_among, obstacles_among
+from quadsafe_env.simulation.surroundings import flight_among, obstacles_among, openings_of
 from quadsafe_env.tasks.conditions import OFF, Conditions
 from quadsafe_env.tasks.reward import ENTRIES, OWN_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.tasks.sources import source_of
+from quadsafe_env.tasks.way import corners_of
 from quadsafe_env.vehicle.actions import action_scale, velocity_gains
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
@@ -175,6 +176,15 @@ class World:
     def snap_filter(self, value: MinimalFilter) -> None:
         self._snap_filter, self._slot = value, completed(value)
         self.is_shielded = not isinstance(value, PassThrough)
+
+    @property
+    def openings(self) -> NDArray[np.void]:
+        """The openings (N, G) of every row, views; G is 0 where there are none to pass."""
+        return openings_of(self._source.bodies, *self.scenes.radius.shape)
+
+    def way_of(self, row: int) -> NDArray[np.float64]:
+        """The corners (2 + 2 G, 3) of the way of a row from start to goal, m."""
+        return corners_of(self.scenes.start[row], self.openings[row], self.scenes.goal[row])
 
     def flat_states(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3), a fresh array."""

@@ -16,6 +16,9 @@ from quadsafe_core.shapes.cores import CORE, NUMBERS, SPHERE, cores_of
 from quadsafe_core.shapes.distance import signed_distance
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_columns import columns_in, point
+from quadsafe_env.tasks.way import OPENING
+
+COUNT, OPENINGS = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=OPENING)
 
 
 class SceneBodies(NamedTuple):
@@ -25,14 +28,22 @@ class SceneBodies(NamedTuple):
     |----------|----------------|-------------------------------------------------------------|
     | velocity | (N, K, 3)      | m/s                                                         |
     | home     | (N, K, 3)      | centres at the beginning of an episode, m                   |
+    | bound    | (N, K)         | the distances were no less, m, where the row was seen last  |
+    | seen     | (N, 4)         | that place, m, and the body that was nearest                |
     | core     | (N, K) ``CORE``| the bodies about their centres, without what is kept        |
     | numbers  | (M,)           | of the hulls among them, m                                  |
+    | openings | (N, G)         | what is passed before the goal counts, see ``tasks.way``    |
+
+    The memory begins with G.
     """
 
     velocity: NDArray[np.float64]
     home: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
 class Bodies(NamedTuple):
@@ -42,28 +53,37 @@ class Bodies(NamedTuple):
     radius: NDArray[np.float64]
     velocity: NDArray[np.float64]
     home: NDArray[np.float64]
+    bound: NDArray[np.float64]
+    seen: NDArray[np.float64]
     core: NDArray[np.void]
     numbers: NDArray[np.float64]
+    openings: NDArray[np.void]
 
 
-def body_memory(n: int, k: int, numbers: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Memory of ``n`` worlds among ``k`` bodies, all absent, with these numbers of hulls."""
-    size = n * k * (6 * NUMBERS.itemsize + CORE.itemsize)
-    return np.concatenate([np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
+def body_memory(n: int, k: int, numbers: NDArray[np.float64], openings: int = 0) -> NDArray[np.uint8]:
+    """Memory of ``n`` worlds among ``k`` bodies and openings, all absent, with these numbers of hulls."""
+    count = np.array([openings], dtype=COUNT.dtype).view(np.uint8)
+    size = _before_cores(n, k, openings) - count.size + n * k * CORE.itemsize
+    return np.concatenate([count, np.zeros(size, dtype=np.uint8), numbers.view(np.uint8)])
 
 
 def core_memory(memory: NDArray[np.uint8], n: int, k: int) -> NDArray[np.uint8]:
     """The part of the memory that ``Obstacles.cores`` is."""
-    return memory[6 * NUMBERS.itemsize * n * k :]
+    count, _ = taken(memory, COUNT, (1,))
+    return memory[_before_cores(n, k, int(count[0])) :]
 
 
 @register_jitable
 def scene_bodies_of(memory: Any, n: int, k: int) -> SceneBodies:
     """What there is within the memory; borrowed."""
-    velocity, rest = taken(memory, NUMBERS, (n, k, 3))
+    count, rest = taken(memory, COUNT, (1,))
+    openings, rest = taken(rest, OPENINGS, (n, count[0]))
+    velocity, rest = taken(rest, NUMBERS, (n, k, 3))
     home, rest = taken(rest, NUMBERS, (n, k, 3))
+    bound, rest = taken(rest, NUMBERS, (n, k))
+    seen, rest = taken(rest, NUMBERS, (n, 4))
     cores = cores_of(rest, n, k)
-    return SceneBodies(velocity, home, cores.core, cores.numbers)
+    return SceneBodies(velocity, home, bound, seen, cores.core, cores.numbers, openings)
 
 
 @inline_kernel
@@ -73,7 +93,7 @@ def bodies_in(scene_memory, memory):
     k = scenes.sphere_count
     b = scene_bodies_of(memory, n, k)
     center, radius = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
-    return Bodies(center, radius, b.velocity, b.home, b.core, b.numbers)
+    return Bodies(center, radius, b.velocity, b.home, b.bound, b.seen, b.core, b.numbers, b.openings)
 
 
 @inline_kernel
@@ -91,12 +111,18 @@ def from_center(bodies, row, k, r, time):
 
 
 @inline_kernel
-def gap_of(bodies, row, k, r, time):
-    """Signed distance of r from a body, less what is kept, m; inf without one."""
+def sight_of(bodies, row, k, r, time):
+    """Signed distance of r from a body, less what is kept, m, and the unit normal to r; inf without a body."""
     if not is_there(bodies, row, k):
-        return NO_OBSTACLE
-    d, _ = signed_distance(bodies.core[row, k], bodies.numbers, from_center(bodies, row, k, r, time))
-    return d - bodies.radius[row, k]
+        return NO_OBSTACLE, (0.0, 0.0, 0.0)
+    d, n = signed_distance(bodies.core[row, k], bodies.numbers, from_center(bodies, row, k, r, time))
+    return d - bodies.radius[row, k], n
+
+
+@inline_kernel
+def gap_of(bodies, row, k, r, time):
+    """Signed distance of r from a body, less what is kept, m; inf without a body."""
+    return sight_of(bodies, row, k, r, time)[0]
 
 
 @kernel
@@ -118,3 +144,7 @@ def crowded_among(rows, scene_memory, memory, free, out):
             least_gap(bodies, i, point(scenes.goal, i)),
         )
         out[i] = min(at_start, at_goal) < free
+
+
+def _before_cores(n: int, k: int, openings: int) -> int:
+    return COUNT.itemsize + n * (openings * OPENING.itemsize + (7 * k + 4) * NUMBERS.itemsize)

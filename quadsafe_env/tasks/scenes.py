@@ -1,4 +1,4 @@
-"""The scenes of the three tasks.
+"""The scenes of the tasks among spheres.
 
 A scene is a pure function of a 64-bit integer: the start, the goal and the spheres between them. Starts are
 at rest and clear of every keep-out sphere, hence inside the invariant set of each.
@@ -155,6 +155,7 @@ class Task:
     | `largest_keep_out` | up to here, m, the drawing finds bodies that are clear of start and goal|
     | `layout`           | of the entries: "spheres" or "surfaces" (``tasks.reward``)              |
     | `is_mixed`         | whether bodies of other kinds than spheres are drawn                    |
+    | `opening_count`    | places for openings that are passed in order before the goal counts     |
     """
 
     body_count: int
@@ -166,6 +167,7 @@ class Task:
     largest_keep_out: float = math.inf
     layout: str = "spheres"
     is_mixed: bool = False
+    opening_count: int = 0
 
     def endpoints(self, words, rows, attempt, memory):
         """Draw start and goal of the given rows; another attempt draws others where a task has any.
@@ -197,6 +199,10 @@ class Task:
             memory: of the scenes; start and goal are drawn.
             cores: (N, K) ``CORE`` of a mixed task, else None.
         """
+        raise NotImplementedError
+
+    def openings(self, words, rows, memory, openings):
+        """Write the openings (N, G) of the given rows, see ``quadsafe_env.tasks.way``; endpoints are drawn."""
         raise NotImplementedError
 
 

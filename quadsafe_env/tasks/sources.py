@@ -95,7 +95,9 @@ class MixedScenes:
         self._drawn_core = np.zeros((n, self._count), dtype=CORE)
         self._drawn_core["kind"] = SPHERE
         cores = _given_cores(given)
-        self.bodies: NDArray[np.uint8] | None = body_memory(n, self.body_count, cores.numbers)
+        self.bodies: NDArray[np.uint8] | None = body_memory(
+            n, self.body_count, cores.numbers, task.opening_count if draws else 0
+        )
         parts = self._parts(n)
         parts.core[:, self._count :] = cores.core
         if given.velocity is not None:
@@ -122,6 +124,8 @@ class MixedScenes:
             drawn.radius[rows],
         )
         parts.core[rows, : self._count] = self._drawn_core[rows]
+        if self._task.opening_count:
+            self._task.openings(words, rows, self._drawn, parts.openings)
 
     def _parts(self, n: int) -> SceneBodies:
         return scene_bodies_of(self.bodies, n, self.body_count)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
 from quadsafe_core.shapes import Obstacles
+from quadsafe_core.shapes.cores import CORE
 from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, NO_SPHERES, TOO_FAR, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
@@ -37,6 +38,23 @@ def as_obstacles(value: Any) -> Obstacles:
         TypeError, ValueError: for anything else.
     """
     return value if isinstance(value, Obstacles) else Obstacles.pack(value)
+
+
+def as_cores(value: NDArray[np.uint8] | None, size: tuple[int, int]) -> NDArray[np.uint8] | None:
+    """The bytes behind N worlds of K bodies as kernels take them; they are not read here.
+
+    Raises:
+        TypeError: for what are no bytes.
+        ValueError: for too few.
+    """
+    if value is None:
+        return None
+    if not (isinstance(value, np.ndarray) and value.dtype == np.uint8 and value.ndim == 1):
+        raise TypeError(f"obstacles.cores must be None or an array of bytes, got {value!r}")
+    least = math.prod(size) * CORE.itemsize
+    if len(value) < least:
+        raise ValueError(f"obstacles.cores must have {least} bytes or more for {size} bodies, got {len(value)}")
+    return np.require(value, requirements="CW")
 
 
 def size_of(flat, center, radius, snap) -> tuple[int, int] | None:

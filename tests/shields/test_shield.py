@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from quadsafe_core.shapes import Obstacles
+from quadsafe_core.shapes import Box, Obstacles, Sphere
 from shields import Filtered, Shield
 from shields.chains.radial import radial_snap, radial_state
 from shields.methods.cbf_shield import ClosingBounds, Limits, filtered_input
@@ -20,6 +20,7 @@ from shields.methods.memory import sampled_memory
 PERIOD = 0.01
 SNAP_MAX = 30.0
 CENTER, RADIUS = np.array([[0.5, -0.25, 1.0]]), np.array([0.8])
+BOXES = Obstacles.pack([Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))])
 
 
 def cbf(**settings):
@@ -366,13 +367,54 @@ def test_bad_measurements_are_named(changed, message):
     }
     flat, center, radius, snap, period = (good | changed).values()
     with pytest.raises(ValueError, match=message):
-        cbf().filter(flat, Obstacles.spheres(center, radius), snap, period)
+        cbf().filter(flat, Obstacles(center, radius), snap, period)
 
 
 @pytest.mark.interpreted
 def test_what_is_not_a_number_is_a_type_error():
     with pytest.raises(TypeError, match="flat must be an array of real numbers"):
         cbf().filter("here", Obstacles.spheres(np.zeros((1, 3)), [1.0]), np.zeros(3), PERIOD)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("here", "obstacles must be a list of shapes, mappings or rows"),
+        ([[0.0, 0.0, 1.0]], r"obstacles\[0\] must be a shape, a mapping or a row"),
+        ([{"shape": "cone"}], r"obstacles\[0\].shape must be one of 'sphere'"),
+        (
+            Obstacles(BOXES.center, BOXES.radius, None, BOXES.cores[:10]),
+            r"obstacles.cores must have \d+ bytes or more for \(1, 1\)",
+        ),
+        (
+            Obstacles(BOXES.center, BOXES.radius, None, BOXES.cores.astype(float)),
+            "obstacles.cores must be None or an array of bytes",
+        ),
+    ],
+)
+def test_what_are_no_obstacles_is_refused(given, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        Shield().filter(np.ones((4, 3)), given, np.zeros(3), PERIOD)
+
+
+@pytest.mark.interpreted
+def test_rows_mappings_and_shapes_are_the_packed_form_of_one_plant():
+    flat, snap = np.zeros((4, 3)), [1e5, 20.0, 0.0]
+    flat[0, 0] = -0.7
+    packed = Shield().filter(flat, Obstacles.spheres(np.zeros((1, 3)), [0.5]), snap, PERIOD)
+    assert packed.intervened and packed.certified
+    sphere = Sphere((0.0, 0.0, 0.0), 0.5)
+    for same in ([[0, 0, 0, 0.5]], [sphere], [sphere.as_dict()], Obstacles.pack([sphere])):
+        assert np.array_equal(Shield().filter(flat, same, snap, PERIOD).numbers, packed.numbers)
+    with pytest.raises(ValueError, match="must agree in N and K"):
+        Shield().filter(flat[None], [sphere], [snap], PERIOD)
+
+
+@pytest.mark.interpreted
+def test_the_paper_filters_spheres_alone():
+    with pytest.raises(ValueError, match="obstacles must be spheres with method 'cbf', got other shapes"):
+        cbf().filter(np.ones((4, 3)), BOXES, np.zeros(3), PERIOD)
 
 
 @pytest.mark.interpreted
@@ -463,7 +505,9 @@ def test_velocities_have_the_shape_of_the_centres():
     center, radius = np.repeat(spheres.center, 3, axis=1), np.repeat(spheres.radius, 3, axis=1)
     for wrong in (np.zeros((3, 2, 3)), np.zeros((2, 3)), np.zeros((4, 3, 3)), "fast"):
         with pytest.raises(ValueError, match="velocity must have the shape of center"):
-            Shield().filter(flat, Obstacles.spheres(center, radius, wrong), snap, PERIOD)
+            Shield().filter(flat, Obstacles(center, radius, wrong), snap, PERIOD)
+        with pytest.raises((TypeError, ValueError), match="velocity must "):
+            Obstacles.spheres(center, radius, wrong)
     calm = Shield().filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
     still = Shield().filter(flat, Obstacles.spheres(center, radius, np.zeros((2, 3, 3))), snap, PERIOD)
     assert np.array_equal(calm.numbers, still.numbers)

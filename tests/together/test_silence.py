@@ -48,7 +48,7 @@ def asked(shield=None, **arguments):
     good = {"flat": flat, "center": np.zeros((1, 3)), "radius": [0.5], "snap": np.zeros(3), "period": 0.01}
     shield, given = shield or Shield(), good | arguments
     spheres = {name: given.pop(name) for name in ("center", "radius", "velocity") if name in given}
-    return shield, shield.filter(obstacles=Obstacles.spheres(**spheres), **given)
+    return shield, shield.filter(**({"obstacles": Obstacles.spheres(**spheres)} | given))
 
 
 def set_state(plant, value):
@@ -256,7 +256,11 @@ REFUSED = {
     ),
     "velocity, text": (lambda: asked(velocity=[TEXT]), f"velocity {NO_NUMBERS}"),
     "velocity, truth": (lambda: asked(velocity=[TRUTH]), f"velocity {NO_NUMBERS}"),
-    "velocity, another shape": (lambda: asked(velocity=np.zeros(3)), "velocity must have the shape of center"),
+    "velocity, another shape": (lambda: asked(velocity=np.zeros(3)), "velocity must have shape "),
+    "obstacles of a shield, text": (
+        lambda: asked(obstacles="walls"),
+        "obstacles must be a list of shapes, mappings or rows",
+    ),
     "acceleration, any": (
         lambda: asked(acceleration=np.zeros((1, 3))),
         ".*unexpected keyword argument 'acceleration'",
