@@ -5,6 +5,7 @@ A wall with a doorway and a window frame stand in the way; velocity commands lea
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -46,9 +47,9 @@ def obstacles():
     ]
 
 
-def picture(size: int) -> np.ndarray:
-    """Fly, and give the last picture (size, size, 3)."""
-    env = gymnasium.make(
+def room(size: int) -> Any:
+    """The env, with pictures of ``size`` pixels."""
+    return gymnasium.make(
         "QuadSafe/Avoid-v0",
         obstacles=obstacles(),
         bounds=(LOW, HIGH),
@@ -56,19 +57,25 @@ def picture(size: int) -> np.ndarray:
         render_size=size,
         camera={"azimuth": -118.0, "elevation": 24.0, "distance": 13.5},
     )
-    env.reset(options={"scene": SCENE})
-    plant = env.unwrapped
+
+
+def fly(env: Any) -> float:
+    """From waypoint to waypoint; the least clearance, m."""
+    _, info = env.reset(options={"scene": SCENE})
+    least = info["clearance"]
     for waypoint in WAYPOINTS:
-        while np.linalg.norm(way := np.array(waypoint) - plant.flat_state()[0]) > REACHED:
-            env.step(np.array([*(SPEED * way / np.linalg.norm(way)), 0.0]))
-    return env.render()
+        while np.linalg.norm(way := np.array(waypoint) - env.unwrapped.flat_state()[0]) > REACHED:
+            *_, info = env.step(np.array([*(SPEED * way / np.linalg.norm(way)), 0.0]))
+            least = min(least, info["clearance"])
+    return least
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/figures/room.png"), help="where to")
-    out = parser.parse_args().out
-    Image.fromarray(picture(720)).save(out, optimize=True)
+    out, env = parser.parse_args().out, room(720)
+    print(f"least clearance {fly(env):.3f} m")
+    Image.fromarray(env.render()).save(out, optimize=True)
 
 
 if __name__ == "__main__":
