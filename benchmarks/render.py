@@ -34,10 +34,10 @@ CALLS = 200
 
 
 def timed(call: Callable[[], object]) -> float:
-    """Time of one call, ms."""
-    start = time.perf_counter()
+    """Time of one call, of the thread's own, ms."""
+    start = time.thread_time()
     call()
-    return 1e3 * (time.perf_counter() - start)
+    return 1e3 * (time.thread_time() - start)
 
 
 def flight_times(env: ShieldWrapper, scene: int) -> NDArray[np.float64]:

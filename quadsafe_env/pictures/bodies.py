@@ -44,8 +44,8 @@ class Body(NamedTuple):
         """How it looks along the rays in a box, in a light from where ``light`` points, or of glass."""
         left, top, right, bottom = box
         out = np.empty((4, bottom - top, right - left), dtype=np.float32)
-        around, is_glass = _seen_from(self.center, rays, left, top), light is None
-        cast(self.core, self.numbers, radius, blur, around, light or STILL, is_glass, out)
+        around = _seen_from(self.center, rays, left, top)
+        cast(self.core, self.numbers, radius, blur, around, light or STILL, out)
         return out
 
 

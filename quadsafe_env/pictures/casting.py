@@ -40,14 +40,15 @@ def extents(core, numbers, radius, axes, out):
 
 
 @kernel
-def cast(core, numbers, radius, blur, rays, light, is_glass, layer):
-    """A body into a layer, a solid in a light from where ``light`` (3,) points, or a shell of glass."""
+def cast(core, numbers, radius, blur, rays, light, layer):
+    """A body into a layer: a solid, lit from where ``light`` (3,) points, or of glass where that is 0."""
     _, height, width = layer.shape
+    body, is_glass = (core, numbers, radius, blur), dot(light, light) == 0.0
     # The looks of glass have no steps within.
     step = math.inf if is_glass else STEP
     for row in range(height):
         for column in range(width):
-            t, n, d = _met(core, numbers, radius, blur, rays, column, row)
+            t, n, d = _met(body, rays, column, row)
             shade, shine = _look(n, d, light, is_glass)
             is_met = t < math.inf
             layer[DEPTH, row, column] = t
@@ -61,15 +62,15 @@ def cast(core, numbers, radius, blur, rays, light, is_glass, layer):
     for row in range(height):
         for column in range(width):
             if layer[COVER, row, column] == EDGE:
-                _smooth(core, numbers, radius, blur, rays, light, is_glass, layer, row, column)
+                _smooth(body, rays, light, layer, row, column)
 
 
 @kernel
-def _smooth(core, numbers, radius, blur, rays, light, is_glass, layer, row, column):
+def _smooth(body, rays, light, layer, row, column):
     """A pixel on an edge, as the mean of several rays."""
-    depth, brightness, gloss, hits = math.inf, 0.0, 0.0, 0
+    depth, brightness, gloss, hits, is_glass = math.inf, 0.0, 0.0, 0, dot(light, light) == 0.0
     for right, down in WITHIN:
-        t, n, d = _met(core, numbers, radius, blur, rays, column + right, row + down)
+        t, n, d = _met(body, rays, column + right, row + down)
         if t < math.inf:
             shade, shine = _look(n, d, light, is_glass)
             depth, brightness, gloss, hits = min(depth, t), brightness + shade, gloss + shine, hits + 1
@@ -80,7 +81,8 @@ def _smooth(core, numbers, radius, blur, rays, light, is_glass, layer, row, colu
 
 
 @inline_kernel
-def _met(core, numbers, radius, blur, rays, column, row):
+def _met(body, rays, column, row):
+    core, numbers, radius, blur = body
     x, d = ray(rays, column, row)
     t, n = meeting(core, numbers, radius, blur, x, d)
     return t, n, d

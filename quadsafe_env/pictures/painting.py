@@ -80,12 +80,12 @@ def paint_marks(canvas, depth, marks, colors, hidden):
 
 
 @kernel
-def paint_stamp(canvas, depth, left, top, stamp, at, shown, hidden):
+def paint_stamp(canvas, depth, corner, stamp, at, shown, hidden):
     """A small picture (h, w, 4), RGBA, that is ``at`` m ahead.
 
     Its opacity is taken times ``shown``, or times ``hidden`` where something is before it.
     """
-    height, width, _ = stamp.shape
+    (left, top), (height, width, _) = corner, stamp.shape
     for i in range(max(0, -top), min(height, canvas.shape[0] - top)):
         for j in range(max(0, -left), min(width, canvas.shape[1] - left)):
             row, column = top + i, left + j

@@ -153,7 +153,7 @@ def mark_walls(behind, before, reach, spacing, near, far):
     A ray is free between the last wall that it comes out of and the first one that it goes into: those with the
     least w of the former, if they are left at all, and with the greatest w of the latter.
     """
-    height, width = near.kind.shape
+    (height, width), scene = near.kind.shape, (reach, spacing)
     for row in range(height):
         for column in range(width):
             k, enter = _greatest(behind, -1.0, column, row, -math.inf)
@@ -162,9 +162,9 @@ def mark_walls(behind, before, reach, spacing, near, far):
                 is_outline = min(k, l) > NO_WALL
                 edge = _edge(behind, k, before, l, column, row) if is_outline else 0.0
                 if k != NO_WALL:
-                    _mark(near, row, column, behind, k, -enter, reach, spacing, NEAR, edge)
+                    _mark(near, (row, column), behind, (k, -enter), scene, NEAR, edge)
                 if l != NO_WALL:
-                    _mark(far, row, column, before, l, leave, reach, spacing, FAR, edge)
+                    _mark(far, (row, column), before, (l, leave), scene, FAR, edge)
     _mark_edges(near, behind, reach, NEAR[3])
     _mark_edges(far, before, reach, FAR[3])
 
@@ -181,7 +181,8 @@ def _greatest(walls, sign, column, row, floor):
 
 
 @inline_kernel
-def _mark(marks, row, column, walls, k, w, reach, spacing, look, edge):
+def _mark(marks, pixel, walls, hit, scene, look, edge):
+    (row, column), (k, w), (reach, spacing) = pixel, hit, scene
     t, height = 1.0 / w, walls[k, HEIGHT]
     p, q = _place(walls, k, U, t, column, row), _place(walls, k, V, t, column, row)
     fade = _fade(walls, k, p, q, reach, FADES)
@@ -204,13 +205,14 @@ def _mark_edges(marks, walls, reach, most):
             k, right, below = marks.kind[row, column], marks.kind[row, column + 1], marks.kind[row + 1, column]
             if marks.depth[row, column] > 0.0:
                 if right != k and marks.depth[row, column + 1] > 0.0:
-                    _mark_edge(marks, row, column, walls, k, right, reach, most)
+                    _mark_edge(marks, (row, column), walls, (k, right), reach, most)
                 if below != k and marks.depth[row + 1, column] > 0.0:
-                    _mark_edge(marks, row, column, walls, k, below, reach, most)
+                    _mark_edge(marks, (row, column), walls, (k, below), reach, most)
 
 
 @kernel
-def _mark_edge(marks, row, column, walls, k, l, reach, most):
+def _mark_edge(marks, pixel, walls, pair, reach, most):
+    (row, column), (k, l) = pixel, pair
     for i in range(row - 1, row + 2):
         for j in range(column - 1, column + 2):
             t = float(marks.depth[i, j])

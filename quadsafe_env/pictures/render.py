@@ -143,7 +143,7 @@ def draw_vehicle(view: View, canvas, depth, state, params: QuadrotorParams) -> N
 def put(canvas, depth, patch: Patch, at: float, shown: float, hidden: float) -> None:
     """A patch onto a canvas, ``at`` m ahead: its opacity times ``shown``, or ``hidden`` behind a solid."""
     left, top = patch.corner.astype(int).tolist()
-    paint_stamp(canvas, depth, left, top, patch.pixels(), at, shown, hidden)
+    paint_stamp(canvas, depth, (left, top), patch.pixels(), at, shown, hidden)
 
 
 def draw_glass(scenery: Scenery, canvas, depth, tints: dict[int, Color]) -> None:

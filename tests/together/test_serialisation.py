@@ -12,6 +12,7 @@ from gymnasium.utils.env_checker import data_equivalence
 
 import quadsafe_env  # noqa: F401
 from quadsafe_env import Conditions
+from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.plain_spec import plain
 from quadsafe_env.settings import build_world
 from quadsafe_env.vehicle.params import PRESETS
@@ -40,6 +41,9 @@ KEYWORDS = {
     "conditions, a mapping": ("Avoid", {"conditions": {"delay": np.int64(1), "wind": np.float64(0.1)}}),
     "conditions, a named tuple": ("Avoid", {"conditions": Conditions(position_noise=0.01, delay=1)}),
     "render_mode": ("Avoid", {"render_mode": "rgb_array"}),
+    "render_size": ("Avoid", {"render_mode": "rgb_array", "render_size": np.int64(64)}),
+    "camera, a mapping": ("Avoid", {"camera": {"azimuth": np.float32(20.0), "follow": np.True_}}),
+    "camera, a named tuple": ("Avoid", {"camera": Camera(elevation=40.0, distance=5)}),
     "max_episode_steps": ("Avoid", {"max_episode_steps": 7}),
 }
 SHIELDS = {
