@@ -15,8 +15,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from quadsafe_env.simulation.episode import TERMINATED
-from quadsafe_env.simulation.world import INFO_KEYS, World
+from quadsafe_env.simulation.episode import INFO_KEYS, TERMINATED
+from quadsafe_env.simulation.world import World
 
 MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 # What ``VectorEnv.step`` returns: observations, rewards, terminated, truncated, and the info.

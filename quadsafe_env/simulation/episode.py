@@ -41,6 +41,18 @@ from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE, lane_triple
 from quadsafe_env.vehicle.yaw import is_spinning, limited_yaw
 
 IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, IS_SPINNING, TERMINATED = range(8)
+# The lines of the outcomes behind the reward, then those of the flags before the end.
+INFO_KEYS = (
+    "cost",
+    "clearance",
+    "is_success",
+    "violation",
+    "out_of_bounds",
+    "crash",
+    "invalid_action",
+    "saturated",
+    "spinning",
+)
 
 
 @inline_kernel

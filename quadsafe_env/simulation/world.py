@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.ravel import raveled
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.simulation.batches import next_words, place_rows
+from quadsafe_env.simulation.episode import INFO_KEYS
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
@@ -41,19 +42,6 @@ from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_rotors
 from quadsafe_env.vehicle.state import STATE_SIZE
 from quadsafe_env.vehicle.yaw import YawHold, YawRange, yaw_hold
-
-# The lines of the outcomes behind the reward, then those of the flags before the end.
-INFO_KEYS = (
-    "cost",
-    "clearance",
-    "is_success",
-    "violation",
-    "out_of_bounds",
-    "crash",
-    "invalid_action",
-    "saturated",
-    "spinning",
-)
 
 COLUMNS = frozenset(
     [

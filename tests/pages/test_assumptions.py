@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from test_docs import ROOT, names_in
 
-from quadsafe_env.simulation.world import INFO_KEYS
+from quadsafe_env.simulation.episode import INFO_KEYS
 from shields.slot.recorder import KEYS
 
 PAGE = ROOT / "docs/theory/assumptions.md"
