@@ -10,7 +10,7 @@ FilterKernel = Callable[[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, 
 """Turns the desired snaps of N plants into safe ones, or of one without the leading axis; returns a code.
 
 It takes (flat, center, radius, snap, memory, kind, out): arrays of float64 in C order as in ``Shield.filter``
-and ``Obstacles``, the method's memory, its kind with ``Obstacles.cores`` as the last of the tuple, which costs no
+and ``Obstacles``, the memory, the kind with ``Obstacles.cores`` as the last of the tuple, which costs no
 more than another argument, and the numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
 """
 
