@@ -1,21 +1,26 @@
-"""How long the shield takes: one call from Python, batches, many spheres, a step of the single env.
+"""How long the shield takes: one call from Python, batches, many spheres, mixed shapes, a step of the single env.
 
     python benchmarks/shield.py
 
 Medians. The states are outside a sphere of radius 1 m, slow, with desired snaps of some 50 m/s⁴; what share of
-them the shield changes is in the table. The reference is a copy of as many numbers as a call is given.
+them the shield changes is in the table. The reference is a copy of as many numbers as a call is given; for mixed
+shapes also the same number of spheres at the same places, and the QP solver daqp, if it is installed, on as many
+half-spaces.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from importlib.util import find_spec
 from itertools import cycle
 from typing import Any
 
 import gymnasium
 import numpy as np
+from safety_campaign.among import KINDS, made
+from safety_campaign.attacks import directions
 
 import quadsafe_env  # noqa: F401 - registers the ids
-from quadsafe_core.shapes import Obstacles
+from quadsafe_core.shapes import HalfSpace, Obstacles
 from shields import Shield, ShieldWrapper
 
 PERIOD = 0.02
@@ -58,6 +63,49 @@ def corrected() -> tuple[np.ndarray, ...]:
     return tuple(array[first] for array in plants)
 
 
+def around(n: int, k: int, kinds: Sequence[str], seed: int = 0) -> tuple[np.ndarray, Obstacles, np.ndarray]:
+    """N plants in the middle of K shapes of these kinds in turn, 1.5 to 5 m away."""
+    rng = np.random.default_rng(seed)
+    flat = rng.normal(size=(n, 4, 3)) * np.array([0.0, 1.0, 2.0, 5.0])[:, None]
+    places = directions(rng, n * k).reshape(n, k, 3) * rng.uniform(1.5, 5.0, (n, k, 1))
+    worlds = [[shape_at(rng, kinds[j % len(kinds)], place) for j, place in enumerate(row)] for row in places]
+    return flat, Obstacles.pack(worlds, keep_out=0.1), rng.normal(size=(n, 3)) * 50.0
+
+
+def shape_at(rng: np.random.Generator, kind: str, place: np.ndarray) -> Any:
+    """A shape, or a wall across the way to a place."""
+    distance = float(np.linalg.norm(place))
+    return HalfSpace(-place / distance, -distance) if kind == "half_space" else made(rng, kind, place, 0.0)
+
+
+def first_of(plants: tuple[np.ndarray, Obstacles, np.ndarray]) -> tuple[np.ndarray, Obstacles, np.ndarray]:
+    """The first plant alone."""
+    flat, packed, snap = plants
+    return flat[0], Obstacles.pack(next(iter(packed)), keep_out=packed.keep_out), snap[0]
+
+
+def among_row(name: str, n: int, plants: tuple[np.ndarray, Obstacles, np.ndarray]) -> str:
+    """One line of the table, without the copy."""
+    flat, packed, snap = plants
+    shield = Shield()
+    for _ in range(3):
+        answer = shield.filter(flat, packed, snap, PERIOD)
+    took, changed = median(lambda: shield.filter(flat, packed, snap, PERIOD).snap), np.mean(answer.intervened)
+    return f"{name:28}{1e6 * took:12.2f}{1e9 * took / n:12.0f}{n / took / 1e6:14.2f}{100 * changed:12.1f}"
+
+
+def qp_time(k: int) -> float | None:
+    """Median time of daqp on one projection onto K half-spaces, s; None where it is not installed."""
+    if not find_spec("daqp"):
+        return None
+    import daqp  # pyright: ignore[reportMissingImports]
+
+    rng = np.random.default_rng(0)
+    H, normals, wish = np.eye(3), directions(rng, k), rng.normal(size=3) * 50.0
+    low, free = np.full(k, -20.0), np.full(k, 1e30)
+    return median(lambda: daqp.solve(H, -wish, normals, free, low))
+
+
 def row(name: str, n: int, arrays: Iterable[np.ndarray]) -> str:
     """One line: time per call and per plant, plants per second, what the shield changed, the copy."""
     flat, center, radius, snap = arrays
@@ -85,6 +133,12 @@ def main() -> None:
         print(row(f"batch of {n:,}, K = 1", n, scene(n, 1)))
     for k in SPHERES[1:]:
         print(row(f"batch of 1,024, K = {k}", 1024, scene(1024, k)))
+    for kinds in (("sphere",), KINDS, *((kind,) for kind in KINDS[1:])):
+        name = kinds[0] if len(kinds) == 1 else "mixed"
+        print(among_row(f"one call, K = 10, {name}", 1, first_of(around(1, 10, kinds))))
+        print(among_row(f"batch of 1,024, K = 10, {name}", 1024, around(1024, 10, kinds)))
+    if (solved := qp_time(10)) is not None:
+        print(f"{'daqp on 10 half-spaces':28}{1e6 * solved:12.2f}")
     print(f"one step through gym.make, shielded, ten RK4 steps {1e6 * single_step():11.2f} µs")
     p50, p99, most = 1e6 * np.percentile(calls_in_flight(), [50, 99, 100])
     print(f"one call in flight at the sphere, 100 Hz: p50 {p50:.2f}, p99 {p99:.2f}, max {most:.2f} µs")
