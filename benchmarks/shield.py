@@ -1,10 +1,10 @@
-"""How long the shield takes: one call from Python, batches, many spheres, mixed shapes, a step of the single env.
+"""How long the shield takes: one call from Python, batches, many spheres, mixed shapes, a step of the env.
 
     python benchmarks/shield.py
 
 Medians. The states are outside a sphere of radius 1 m, slow, with desired snaps of some 50 m/s⁴; what share of
-them the shield changes is in the table. The reference is a copy of as many numbers as a call is given; for mixed
-shapes also the same number of spheres at the same places, and the QP solver daqp, if it is installed, on as many
+them the shield changes is in the table. The reference is a copy of as many numbers as a call is given; for
+mixed shapes also as many spheres at the same places, and the QP solver daqp, if it is installed, on as many
 half-spaces.
 """
 
@@ -102,8 +102,7 @@ def qp_time(k: int) -> float | None:
 
     rng = np.random.default_rng(0)
     H, normals, wish = np.eye(3), directions(rng, k), rng.normal(size=3) * 50.0
-    low, free = np.full(k, -20.0), np.full(k, 1e30)
-    return median(lambda: daqp.solve(H, -wish, normals, free, low))
+    return median(lambda: daqp.solve(H, -wish, -normals, np.full(k, 20.0)))
 
 
 def row(name: str, n: int, arrays: Iterable[np.ndarray]) -> str:
