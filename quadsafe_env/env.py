@@ -57,10 +57,10 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     | +0–2    | nearest point of its core − r; of a sphere its centre − r  | 4 m                      |
     | +3      | distance to keep from its core: a sphere's keep-out radius | 2 m                      |
     | +4      | 1 if there is such an obstacle                             | exact                    |
-    | in Rooms and Gates, for each of the 8 nearest, for all shapes alike:                                  |||
+    | in Rooms and Gates, for each of the 8 nearest, for all shapes alike, all times its nearness:          |||
     | +0–2    | nearest point of its keep-out surface − r                  | 4 m                      |
     | +3–5    | unit normal of that surface there, away from it            | exact                    |
-    | +6      | 1 if there is such an obstacle                             | exact                    |
+    | +6      | the nearness: 1 on that surface and in it, 0 from 1 m on   | exact                    |
 
     The core of a capsule is its segment, that of a box the box itself. Inside a keep-out surface the way to its
     nearest point is the way out. Nearest is by signed distance; of equals the first given.

@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from agents.experiment.arms import ARMS, Arm
-from agents.experiment.config import HYPERPARAMS, Experiment
+from agents.experiment.config import Experiment, default_hyperparams
 from quadsafe_core.checks import one_of, positive_integer
 from quadsafe_env.registration import IDS
 from shields import ShieldWrapper, VectorShieldWrapper
@@ -75,7 +75,11 @@ def checked(experiment: Experiment) -> Experiment:
     Raises:
         ValueError, TypeError: naming what of the experiment does not fit.
     """
-    hyperparams = {"n_envs": 1, **HYPERPARAMS.get(experiment.algo, {}), **experiment.hyperparams}
+    hyperparams = {
+        "n_envs": 1,
+        **default_hyperparams(experiment.env, experiment.algo),
+        **experiment.hyperparams,
+    }
     positive_integer("n_envs", hyperparams["n_envs"])
     # What is left out the plant gives, to every arm its own.
     shield = {"method": "sampled", "inner_loop": "proved", **plain_settings(experiment.shield)}

@@ -81,7 +81,7 @@ def center_entries(gap, n, radius):
 @inline_kernel
 def outline_entries(gap, n, radius):
     """Entries of the nearest point of a body's keep-out surface."""
-    return surface_entries(scale(-gap, n), n)
+    return surface_entries(gap, n)
 
 
 @kernel

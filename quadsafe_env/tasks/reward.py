@@ -4,7 +4,7 @@ import math
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fma
-from quadsafe_core.kernels.vec3 import subtract
+from quadsafe_core.kernels.vec3 import scale, subtract
 from quadsafe_env.vehicle.flatness import flat_from_state
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA
 
@@ -20,6 +20,7 @@ ACCELERATION_SCALE = 20.0  # m/s²
 JERK_SCALE = 200.0  # m/s³
 YAW_RATE_SCALE = 10.0  # rad/s
 RADIUS_SCALE = 2.0  # m
+SIGHT = 1.0  # m; surfaces that are farther away are not seen
 OWN_ENTRIES = 15
 SPHERE_ENTRIES = 5
 SURFACE_ENTRIES = 7
@@ -87,7 +88,12 @@ def sphere_entries(between, radius, is_there):
 
 
 @inline_kernel
-def surface_entries(way, n):
-    """Entries of one body: the way to its keep-out surface, the unit normal there, presence."""
-    x, y, z = saturated_triple(way, POSITION_SCALE)
-    return (x, y, z, n[0], n[1], n[2], 1.0)
+def surface_entries(gap, n):
+    """Entries of one body at distance ``gap``, m: way to its keep-out surface, normal there, presence.
+
+    All are faded, times 1 − gap/``SIGHT`` within [0, 1]: what is far away says nothing, and comes into sight
+    without a jump. A policy that learned with unit normals of far walls took ten times as long.
+    """
+    near = min(1.0, max(0.0, 1.0 - gap / SIGHT))
+    x, y, z = scale(near, saturated_triple(scale(-gap, n), POSITION_SCALE))
+    return (x, y, z, near * n[0], near * n[1], near * n[2], near)

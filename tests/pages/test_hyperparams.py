@@ -10,7 +10,7 @@ from stable_baselines3 import PPO
 
 import quadsafe_env  # noqa: F401
 import shields
-from agents.experiment.config import HYPERPARAMS, Experiment
+from agents.experiment.config import Experiment, default_hyperparams
 from quadsafe_env.registration import IDS
 
 TABLE = yaml.safe_load((ROOT / "hyperparams" / "ppo.yml").read_text())
@@ -35,9 +35,10 @@ def test_every_key_is_one_of_the_zoo_or_of_ppo(name):
 def test_the_values_are_those_of_a_training_here(name):
     entry = TABLE[name]
     flat = {**entry, **entry["policy_kwargs"]}
-    assert {key: flat[key] for key in HYPERPARAMS["ppo"]} == HYPERPARAMS["ppo"]
+    wanted = default_hyperparams(name, "ppo")
+    assert {key: flat[key] for key in wanted} == wanted
     # Nothing beyond them is set.
-    assert set(flat) - {*OF_THE_ZOO, "policy_kwargs"} == set(HYPERPARAMS["ppo"]) - {"n_envs"}
+    assert set(flat) - {*OF_THE_ZOO, "policy_kwargs"} == set(wanted) - {"n_envs"}
     assert entry["n_timesteps"] == Experiment().n_timesteps
 
 
