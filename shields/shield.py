@@ -137,6 +137,7 @@ class Shield:
         self._period = math.nan
         self._are_still = False
         self._kernel: FilterKernel
+        self._cores: NDArray[np.uint8] | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -147,11 +148,7 @@ class Shield:
         return f"Shield({', '.join(f'{key}={value!r}' for key, value in self._settings.items())})"
 
     def filter(
-        self,
-        flat: ArrayLike,
-        obstacles: Obstacles | Sequence[Any],
-        snap: ArrayLike,
-        period: float,
+        self, flat: ArrayLike, obstacles: Obstacles | Sequence[Any], snap: ArrayLike, period: float
     ) -> Filtered:
         """The safe snaps of one control period.
 
@@ -176,9 +173,9 @@ class Shield:
         if period == self._period:
             try:
                 packed: Any = obstacles
-                if self._are_still and packed.velocity is None:
-                    out, cores = np.empty(self._numbers), packed.cores
-                    code = self._kernel(flat, packed.center, packed.radius, snap, cores, *self._own, out)
+                if self._are_still and packed.velocity is None and packed.cores is self._cores:
+                    out = np.empty(self._numbers)
+                    code = self._kernel(flat, packed.center, packed.radius, snap, *self._own, out)
                     if code == DONE:
                         return Filtered(out, self._leading)
             except (TypeError, AttributeError):
@@ -194,13 +191,14 @@ class Shield:
         if size is None:
             raise shape_error(*given)
         self._begin(size, is_single, control_period(period))
-        velocity, cores = obstacles.velocity, as_cores(obstacles.cores, size)
+        self._cores, velocity = as_cores(obstacles.cores, size), obstacles.velocity
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
         self._are_still = moving is None
         self._method.move(0.0 if moving is None else moving)
+        self._own = self._kernels.memory, (*self._kernels.kind, self._cores)
         out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
-            code = self._kernel(flats, centers, radii, snaps, cores, *self._own, out)
+            code = self._kernel(flats, centers, radii, snaps, *self._own, out)
         if code != DONE:
             raise measurement_error(code, flats, centers, radii, moving)
         return Filtered(out, self._leading)
@@ -218,7 +216,7 @@ class Shield:
             self._kernels, self._period = self._method.at(period), period
         self._leading = () if is_single else size[:1]
         self._kernel = self._kernels.one if is_single else self._kernels.batch
-        self._own, self._numbers = self._kernels.own, NUMBERS * size[0]
+        self._numbers = NUMBERS * size[0]
 
     def reset(self, mask: ArrayLike | None = None) -> None:
         """Forget the rows of ``mask``, (N,) booleans, or without one everything, the number of plants too.

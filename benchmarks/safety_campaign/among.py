@@ -39,7 +39,7 @@ class Among(NamedTuple):
 def made(rng: np.random.Generator, kind: str, center: NDArray, speed: float) -> Any:
     """A shape of a kind about a place, 0.1 to 1.5 m in size, often thin, that moves at a speed."""
     half = rng.uniform(0.05, 0.75, 3) * np.where(rng.random(3) < 0.2, 0.02, 1.0)
-    rotation, axis = Rotation.random(random_state=rng), directions(rng, 1)[0] * rng.uniform(0.05, 1.0)
+    rotation, axis = Rotation.from_quat(rng.normal(size=4)), directions(rng, 1)[0] * rng.uniform(0.05, 1.0)
     drift: dict[str, Any] = {"velocity": speed * directions(rng, 1)[0]} if speed else {}
     shapes: dict[str, Callable[[], Any]] = {
         "sphere": lambda: Sphere(center, rng.uniform(0.05, 0.7), **drift),
@@ -68,21 +68,19 @@ class Hunt:
     def __init__(self, rng: np.random.Generator, shapes: list[Any], home: NDArray, n: int, period: float):
         self._rng, self._shapes, self._home, self._period = rng, shapes, home, period
         self._gains = gains_of(3, rng.choice([3.0, 6.0, 10.0], n), period)
-        self._way = np.zeros((n, 3))
-        self._think(np.ones(n, dtype=np.bool_))
+        self._mode, self._speed, self._push, self._any = self._fresh(n)
+
+    def _fresh(self, n: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """What to do, how fast, m/s, how hard, m/s⁴, and a direction."""
+        rng = self._rng
+        mode, speed = rng.choice(4, n, p=(0.65, 0.15, 0.15, 0.05)), rng.choice([0.5, 1.0, 2.0, 4.0], n)
+        return mode, speed, rng.uniform(30.0, 200.0, n), directions(rng, n)
 
     def _think(self, rows: NDArray[np.bool_]) -> None:
-        n, rng = len(rows), self._rng
-        fresh = {
-            "_mode": rng.choice(4, n, p=(0.65, 0.15, 0.15, 0.05)),
-            "_speed": rng.choice([0.5, 1.0, 2.0, 4.0], n),
-            "_push": rng.uniform(30.0, 200.0, n),
-            "_any": directions(rng, n),
-        }
-        for name, value in fresh.items():
-            held = getattr(self, name, value)
-            mask = rows.reshape(-1, *[1] * (value.ndim - 1))
-            setattr(self, name, np.where(mask, value, held))
+        mode, speed, push, anywhere = self._fresh(len(rows))
+        self._mode, self._speed = np.where(rows, mode, self._mode), np.where(rows, speed, self._speed)
+        self._push = np.where(rows, push, self._push)
+        self._any = np.where(rows[:, None], anywhere, self._any)
 
     def nearest(self, points: NDArray, center: NDArray) -> NDArray[np.float64]:
         """Unit vectors (N, 3) to the nearest shape, whose centres (N, K, 3) are those of now."""

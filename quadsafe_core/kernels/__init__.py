@@ -39,9 +39,9 @@ aligned: memory from a cache line on, by the public ``array.ctypes.data``. Pays 
 
 Three pieces are there for what they do. ``entry_at`` answers with a record inside a tuple, which no compiled
 function can (``intrinsic`` with ``context.get_function`` and ``make_tuple``;
-``test_an_entry_of_two_arrays_is_counted_once``); else the array and the place are passed on. ``config.CACHE_DIR`` is set while a function is decorated: numba's own
-cache misses edits in other files (``test_editing_a_callee_in_another_file_changes_the_caller``); else
-``NUMBA_CACHE_DIR``, set before numba is imported. ``disable_compile``, so that unchecked arguments are an
-error and no compilation (``test_new_types_are_compiled_where_that_is_allowed_and_refused_elsewhere``); else
-signatures in the decorator.
+``test_an_entry_of_two_arrays_is_counted_once``); else the array and the place are passed on.
+``config.CACHE_DIR`` is set while a function is decorated: numba's own cache misses edits in other files
+(``test_editing_a_callee_in_another_file_changes_the_caller``); else ``NUMBA_CACHE_DIR``, set before numba is
+imported. ``disable_compile``, so that unchecked arguments are an error and no compilation
+(``test_new_types_are_compiled_where_that_is_allowed_and_refused_elsewhere``); else signatures in the decorator.
 """

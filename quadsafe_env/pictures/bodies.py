@@ -14,7 +14,7 @@ from quadsafe_env.pictures.casting import Layer, cast, extents
 from quadsafe_env.pictures.rays import Rays, Vector, ray
 
 # Left, top, right and bottom of pixels, the last two not within.
-Box = tuple[int, int, int, int]
+Rectangle = tuple[int, int, int, int]
 
 # What does not move from a pixel to the next.
 STILL = (0.0, 0.0, 0.0)
@@ -40,7 +40,7 @@ class Body(NamedTuple):
         extents(self.core, self.numbers, radius, axes, out)
         return out
 
-    def layer(self, radius: float, blur: float, rays: Rays, box: Box, light: Vector | None) -> Layer:
+    def layer(self, radius: float, blur: float, rays: Rays, box: Rectangle, light: Vector | None) -> Layer:
         """How it looks along the rays in a box, in a light from where ``light`` points, or of glass."""
         left, top, right, bottom = box
         out = np.empty((4, bottom - top, right - left), dtype=np.float32)
@@ -96,7 +96,7 @@ def triple(vector: NDArray[np.float64]) -> Vector:
     return (x, y, z)
 
 
-def outline(body: Body, view: View) -> tuple[Box | None, float, float]:
+def outline(body: Body, view: View) -> tuple[Rectangle | None, float, float]:
     """The box of a body in a picture, None where it has none, and how far ahead it begins and ends, m."""
     reaches = body.reaches(view.axes, body.kept)
     middle = view.axes @ (body.center - view.eye)
@@ -111,7 +111,7 @@ def outline(body: Body, view: View) -> tuple[Box | None, float, float]:
     return clipped(0.5 * view.size + view.focal * np.array(edges), view.size), near, far
 
 
-def clipped(edges: NDArray[np.float64], size: int) -> Box | None:
+def clipped(edges: NDArray[np.float64], size: int) -> Rectangle | None:
     """The box of pixels within left, top, right and bottom, and one more on each side; None for no pixel."""
     left, top, right, bottom = np.clip(edges, -1.0, size + 1.0).tolist()
     left, top = max(math.floor(left) - 1, 0), max(math.floor(top) - 1, 0)

@@ -13,7 +13,7 @@ from quadsafe_env.pictures.bodies import (
     GOAL_INDEX,
     STILL,
     Body,
-    Box,
+    Rectangle,
     ball,
     bodies_of,
     clipped,
@@ -150,7 +150,7 @@ def paint_bodies(view: View, rays: Rays, bodies: Iterable[Body], canvas, depth) 
     return shells
 
 
-def _far_first(bodies: Iterable[Body], view: View) -> list[tuple[Body, Box, float, float]]:
+def _far_first(bodies: Iterable[Body], view: View) -> list[tuple[Body, Rectangle, float, float]]:
     """The bodies in a picture with their boxes, and how far ahead they begin and end, m."""
     seen = []
     for body in bodies:
@@ -160,7 +160,7 @@ def _far_first(bodies: Iterable[Body], view: View) -> list[tuple[Body, Box, floa
     return sorted(seen, key=itemgetter(2), reverse=True)
 
 
-def leaves_sight(box: Box, near: float, far: float, middle: float, size: int) -> bool:
+def leaves_sight(box: Rectangle, near: float, far: float, middle: float, size: int) -> bool:
     """Whether a body leaves the scene to be seen: one that does not is drawn as glass."""
     left, top, right, bottom = box
     is_large = min(right - left, bottom - top) > TOO_LARGE * size

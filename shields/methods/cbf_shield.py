@@ -160,9 +160,9 @@ def cbf_row(i, measured, settings, answers):
 
 
 @kernel
-def cbf_batch(flat, center, radius, snap, cores, memory, out):
+def cbf_batch(flat, center, radius, snap, memory, kind, out):
     """Rows of ``cbf_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
-    if cores is not None:
+    if kind[-1] is not None:
         return NO_SPHERES
     n, k = flat.shape[0], radius.shape[1]
     first, _ = taken(memory, SETTINGS_ROW, (1,))
@@ -178,9 +178,9 @@ def cbf_batch(flat, center, radius, snap, cores, memory, out):
 
 
 @kernel
-def cbf_one(flat, center, radius, snap, cores, memory, out):
+def cbf_one(flat, center, radius, snap, memory, kind, out):
     """``cbf_batch`` of one vehicle without the leading axis."""
-    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), cores, memory, out)
+    return cbf_batch(one_row(flat), one_row(center), one_row(radius), one_row(snap), memory, kind, out)
 
 
 @kernel
@@ -255,7 +255,7 @@ class CbfMethod:
         record["u_max"], record["alpha"] = kept["snap_max"], kept["alpha"]
         record["input_max"] = kept["reserve"] * kept["snap_max"]
         record["braking"] = held_gains(3, BRAKING_POLE, period)
-        return Kernels(cbf_batch, cbf_one, (self.memory,))
+        return Kernels(cbf_batch, cbf_one, self.memory, ())
 
 
 def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:

@@ -1,26 +1,27 @@
 """What a method of a shield is: its memory, and the kernels that filter."""
 
 from collections.abc import Callable
-from typing import Any, Concatenate, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-FilterKernel = Callable[Concatenate[ArrayLike, ArrayLike, ArrayLike, ArrayLike, Any, ...], int]
+FilterKernel = Callable[[ArrayLike, ArrayLike, ArrayLike, ArrayLike, ArrayLike, tuple, ArrayLike], int]
 """Turns the desired snaps of N plants into safe ones, or of one without the leading axis; returns a code.
 
-It takes (flat, center, radius, snap, cores, own, out): arrays of float64 in C order as in ``Shield.filter``,
-those of the obstacles and the bytes of their cores as in ``Obstacles``, the method's own arguments, and the
-numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
+It takes (flat, center, radius, snap, memory, kind, out): arrays of float64 in C order as in ``Shield.filter``
+and ``Obstacles``, the memory, the kind with ``Obstacles.cores`` as the last of the tuple, which costs no
+more than another argument, and the numbers of a ``Filtered``, which it fills. Anything else is a TypeError.
 """
 
 
 class Kernels(NamedTuple):
-    """How a method filters at a period: rows, or one plant without the leading axis; and its own arguments."""
+    """How a method filters at a period: rows, or one plant without the leading axis; its memory and kind."""
 
     batch: FilterKernel
     one: FilterKernel
-    own: tuple
+    memory: NDArray[Any]
+    kind: tuple
 
 
 class Method(Protocol):

@@ -35,9 +35,9 @@ TRACKING_POLE = 30.0
 
 
 @kernel
-def sampled_batch(flat, center, radius, snap, cores, memory, kind, out):
+def sampled_batch(flat, center, radius, snap, memory, kind, out):
     """Rows of ``sampled_row``; the first code that is not ``DONE``. See ``method.FilterKernel``."""
-    n, k = flat.shape[0], radius.shape[1]
+    n, k, cores = flat.shape[0], radius.shape[1], kind[-1]
     if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
     held, _ = sampled_memory(memory, n, k)
@@ -52,10 +52,10 @@ def sampled_batch(flat, center, radius, snap, cores, memory, kind, out):
 
 
 @kernel
-def sampled_one(flat, center, radius, snap, cores, memory, kind, out):
+def sampled_one(flat, center, radius, snap, memory, kind, out):
     """``sampled_batch`` of one vehicle without the leading axis."""
     flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
-    return sampled_batch(flats, centers, radii, snaps, cores, memory, kind, out)
+    return sampled_batch(flats, centers, radii, snaps, memory, kind, out)
 
 
 class SampledMethod:
@@ -96,4 +96,4 @@ class SampledMethod:
         bounds = bounds_of(self._settings)
         write_settings(held.settings[0], self._settings, period, bounds, held_gains(4, TRACKING_POLE, period))
         kind = kind_of(self._settings, bounds, has_tube=False)
-        return Kernels(sampled_batch, sampled_one, (self.memory, tuple(kind)))
+        return Kernels(sampled_batch, sampled_one, self.memory, tuple(kind))

@@ -121,12 +121,12 @@ def withdraw(i, fact, is_here, chains):
 
 
 @kernel
-def tube_batch(flat, center, radius, snap, cores, memory, kind, out):
+def tube_batch(flat, center, radius, snap, memory, kind, out):
     """Rows of ``sampled_row`` on what will be when the answer is flown; the first code that is not ``DONE``.
 
     See ``method.FilterKernel``.
     """
-    n, k = flat.shape[0], radius.shape[1]
+    n, k, cores = flat.shape[0], radius.shape[1], kind[-1]
     if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
     held, rest = sampled_memory(memory, n, k)
@@ -152,10 +152,10 @@ def tube_batch(flat, center, radius, snap, cores, memory, kind, out):
 
 
 @kernel
-def tube_one(flat, center, radius, snap, cores, memory, kind, out):
+def tube_one(flat, center, radius, snap, memory, kind, out):
     """``tube_batch`` of one vehicle without the leading axis."""
     flats, centers, radii, snaps = one_row(flat), one_row(center), one_row(radius), one_row(snap)
-    return tube_batch(flats, centers, radii, snaps, cores, memory, kind, out)
+    return tube_batch(flats, centers, radii, snaps, memory, kind, out)
 
 
 @kernel
@@ -245,7 +245,7 @@ class TubeMethod:
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True)
-        return Kernels(tube_batch, tube_one, (self.memory, tuple(kind)))
+        return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""

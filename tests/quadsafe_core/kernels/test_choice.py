@@ -32,12 +32,16 @@ PAIR = np.dtype([("kind", "i8"), ("size", "f8", (2,))])
 
 
 @kernel
-def size_at(arrays, i, k):
-    entry = entry_at(arrays, (i, k))
+def size_of(entry):
     if entry is None:
         return -1.0
     size = entry[0]["size"]
     return size[1] + entry[1][0]
+
+
+@kernel
+def size_at(arrays, i, k):
+    return size_of(entry_at(arrays, (i, k)))
 
 
 @none_without
@@ -47,9 +51,15 @@ def first_twice(values, factor):
 
 
 @kernel
+def or_less(found):
+    if found is None:
+        return -1.0
+    return found
+
+
+@kernel
 def twice_if(values):
-    found = first_twice(values, 3.0)
-    return -1.0 if found is None else found
+    return or_less(first_twice(values, 3.0))
 
 
 @pytest.mark.interpreted
