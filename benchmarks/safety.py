@@ -50,7 +50,7 @@ class Scale(NamedTuple):
     radii: tuple[float, ...] = (1.0, 0.3)
     yaw_steps: int = 2_000  # per pilot, vehicle, interface and pair of rates
     shape_steps: int = 33_000  # per kind of shape, interface, rate and speed
-    course_flights: int = 100  # per pilot and kind of course
+    course_flights: int = 200  # per pilot and kind of course
     yaw_rates: tuple[tuple[int, int], ...] = spinning.RATES
 
 
