@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from safety_campaign import among, attacks, chain, courses, forest, spinning, tables
+from safety_campaign import among, attacks, chain, courses, forest, shape_tables, spinning, tables
 from safety_campaign.flights import fly_attack
 from safety_campaign.results import ROOT, Results, revision
 from safety_campaign.stage import Setting
@@ -50,7 +50,7 @@ class Scale(NamedTuple):
     radii: tuple[float, ...] = (1.0, 0.3)
     yaw_steps: int = 2_000  # per pilot, vehicle, interface and pair of rates
     shape_steps: int = 33_000  # per kind of shape, interface, rate and speed
-    course_flights: int = 100  # per pilot and kind of course
+    course_flights: int = 200  # per pilot and kind of course
     yaw_rates: tuple[tuple[int, int], ...] = spinning.RATES
 
 
@@ -214,7 +214,7 @@ def main() -> None:
     given = parser.parse_args()
     results = Results(given.out)
     if given.table:
-        tables.write(ROOT / "docs/safety.md", results.rows)
+        tables.write(ROOT / "docs/safety.md", results.rows, tables.TABLES | shape_tables.TABLES)
         return
     scale = SHORT if given.short else Scale()
     wanted = [job for job in jobs(scale, given.seed, given.weights) if given.only in job.key]

@@ -162,8 +162,10 @@ def walls_of(bounds: Sequence[Sequence[float]], vehicle_radius: float) -> list[H
             f"bounds must be [low, high], high above low by more than the vehicle's {2.0 * vehicle_radius:g} m "
             f"in x, y and z, got {[low.tolist(), high.tolist()]}"
         )
-    floors = [HalfSpace(normal, float(offset)) for normal, offset in zip(np.eye(3), low, strict=True)]
-    return floors + [HalfSpace(-normal, -float(offset)) for normal, offset in zip(np.eye(3), high, strict=True)]
+    below = [HalfSpace(normal, offset) for normal, offset in zip(np.eye(3), low.tolist(), strict=True)]
+    # 0.0 − 0.0 is 0.0, and −0.0 would be shown.
+    above = [HalfSpace(0.0 - normal, 0.0 - offset) for normal, offset in zip(np.eye(3), high, strict=True)]
+    return below + above
 
 
 def scene_integer(name: str, value) -> int:

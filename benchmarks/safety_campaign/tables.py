@@ -12,9 +12,9 @@ END = "<!-- end -->"
 NAMES = {"sampled": "sampled", "cbf": "(33)", "none": "none"}
 
 
-def write(path: Path, rows: list[Row]) -> None:
+def write(path: Path, rows: list[Row], tables: Mapping[str, Callable[[list[Row]], str]]) -> None:
     """Put the tables between the marks of the document."""
-    path.write_text(filled(path.read_text(encoding="utf-8"), rows, TABLES), encoding="utf-8")
+    path.write_text(filled(path.read_text(encoding="utf-8"), rows, tables), encoding="utf-8")
 
 
 def filled(text: str, rows: list[Row], tables: Mapping[str, Callable[[list[Row]], str]]) -> str:
@@ -232,7 +232,7 @@ def revisions(rows: list[Row]) -> str:
     return f"Revision {found}; {seconds / 60:.0f} minutes of one core."
 
 
-TABLES = {
+TABLES: dict[str, Callable[[list[Row]], str]] = {
     "revision": revisions,
     "arms": arms,
     "by attack": by("attack", "attack"),

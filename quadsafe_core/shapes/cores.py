@@ -56,6 +56,15 @@ def cores_of(memory: Any, n: int, k: int) -> Cores:
     return Cores(core, carved(rest, 0, NUMBERS, (rest.nbytes // NUMBERS.itemsize,)))
 
 
+def are_within(memory: NDArray[np.uint8], n: int, k: int) -> bool:
+    """Whether the bytes of N worlds of K bodies hold kinds that there are, and the numbers of all hulls."""
+    core, numbers = cores_of(memory, n, k)
+    hulls, kinds = core[core["kind"] == HULL], core["kind"]
+    ranges = ((hulls["vertex"], 3 * hulls["vertices"]), (hulls["facet"], 4 * hulls["facets"]))
+    is_held = all(((at >= 0) & (size > 0) & (at + size <= numbers.size)).all() for at, size in ranges)
+    return bool(is_held and ((kinds >= ABSENT) & (kinds <= HALF_SPACE)).all())
+
+
 @register_jitable
 def cores_in(memory: Any, n: int, k: int) -> tuple[Cores, Any]:
     """Cores and velocities in flat memory: (N, K) ``CORE``, (N, K, 3) m/s, then the numbers; borrowed."""

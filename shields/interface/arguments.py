@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
 from quadsafe_core.shapes import Obstacles
-from quadsafe_core.shapes.cores import CORE
+from quadsafe_core.shapes.cores import CORE, are_within
 from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, NO_SPHERES, TOO_FAR, TOO_LARGE
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
@@ -41,11 +41,11 @@ def as_obstacles(value: Any) -> Obstacles:
 
 
 def as_cores(value: NDArray[np.uint8] | None, size: tuple[int, int]) -> NDArray[np.uint8] | None:
-    """The bytes behind N worlds of K bodies as kernels take them; they are not read here.
+    """The bytes behind N worlds of K bodies as kernels take them.
 
     Raises:
         TypeError: for what are no bytes.
-        ValueError: for too few.
+        ValueError: for too few, or such as would lead a kernel out of them.
     """
     if value is None:
         return None
@@ -54,7 +54,14 @@ def as_cores(value: NDArray[np.uint8] | None, size: tuple[int, int]) -> NDArray[
     least = math.prod(size) * CORE.itemsize
     if len(value) < least:
         raise ValueError(f"obstacles.cores must have {least} bytes or more for {size} bodies, got {len(value)}")
-    return np.require(value, requirements=["C", "W"])
+    # A record does not begin anywhere.
+    array = np.require(value, requirements=["C", "W"])
+    array = array if array.ctypes.data % CORE.alignment == 0 else array.copy()
+    if not are_within(array, *size):
+        raise ValueError(
+            "obstacles.cores must hold kinds that there are and the numbers of all hulls, got others"
+        )
+    return array
 
 
 def size_of(flat, center, radius, snap) -> tuple[int, int] | None:

@@ -9,11 +9,22 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.utils.env_checker import check_env
 from random_shapes import KINDS, random_shape
 from scipy.spatial.transform import Rotation
 
 import quadsafe_env
-from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Sphere, shape_from
+from quadsafe_core.shapes import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    HalfSpace,
+    Hull,
+    Obstacles,
+    Sphere,
+    shape_from,
+)
 from quadsafe_env.settings import TASKS
 from quadsafe_env.vehicle.state import hover_state
 
@@ -329,6 +340,13 @@ def test_start_and_goal_are_redrawn_until_clear_of_shapes():
         env.reset(options={"scene": scene})
         for r in (env.state[:3], env.goal):
             assert slab.distance(r) >= env.params.radius + 0.15
+
+
+def test_gymnasium_checker_has_no_complaint_among_shapes_that_are_packed():
+    packed = Obstacles.pack(BODIES)
+    env = gymnasium.make("QuadSafe/Avoid-v0", obstacles=packed, bounds=[[-4] * 3, [4] * 3])
+    check_env(env.unwrapped, skip_render_check=True)
+    assert env.spec is not None and env.spec.kwargs["obstacles"] == [shape.as_dict() for shape in BODIES]
 
 
 def test_mixtures_of_shapes_mappings_rows_and_arrays_are_the_same_world():

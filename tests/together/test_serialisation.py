@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import data_equivalence
+from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
-from quadsafe_env import Conditions
+from quadsafe_env import Box, Conditions, Obstacles, Sphere
 from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.plain_spec import plain
 from quadsafe_env.settings import build_world
@@ -20,6 +21,14 @@ from shields import Authority, ShieldWrapper, Uncertainty, VectorShieldWrapper
 
 LIMITS = Authority(snap_max=340.0, jerk_max=44.0, thrust_min=5.2, thrust_max=20.0, gravity=9.81)
 SPHERES = [[0.5, 0.0, 0.2, 0.4], [-0.5, 0.5, 0.0, 0.2]]
+TURN = Rotation.from_euler("z", 0.5)
+MAPPING = {
+    "shape": "box",
+    "center": (0, 1, 0),
+    "size": np.ones(3) / 4,
+    "rotation": TURN,
+    "velocity": [0, 0.1, 0],
+}
 KEYWORDS = {
     "nothing": ("Avoid", {}),
     "action": ("Avoid", {"action": np.str_("snap")}),
@@ -32,6 +41,12 @@ KEYWORDS = {
     "obstacles, an array": ("Avoid", {"obstacles": np.array(SPHERES)}),
     "obstacles, an array of float32": ("Avoid", {"obstacles": np.array(SPHERES, dtype=np.float32)}),
     "obstacles, none": ("Avoid", {"obstacles": np.zeros((0, 4))}),
+    "obstacles, shapes": ("Avoid", {"obstacles": (Sphere((0, 0, 0), 0.3), Box((0, 1, 0), (1, 0.1, 1), TURN))}),
+    "obstacles, mixed and moving": ("Forest", {"obstacles": [MAPPING, np.array([0, 0, 1, 0.2])]}),
+    "obstacles, packed": ("Avoid", {"obstacles": Obstacles.pack(SPHERES)}),
+    "bounds": ("Avoid", {"bounds": (np.full(3, -3.0), (3, np.float32(3.5), 3))}),
+    "opening, pillars and boxes": ("Rooms", {"opening": np.float32(0.75), "pillars": 1, "boxes": 0}),
+    "gates": ("Gates", {"gates": 4}),
     "rates": ("Avoid", {"policy_hz": np.int64(20), "control_hz": np.uint8(40), "physics_hz": np.int32(400)}),
     "sphere_count": ("Forest", {"sphere_count": np.int64(3)}),
     "sphere_radius": ("Forest", {"sphere_radius": np.array([0.2, 0.3])}),

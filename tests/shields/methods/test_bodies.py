@@ -5,6 +5,7 @@ import pytest
 from random_shapes import KINDS, random_shape
 
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Obstacles, Sphere
+from quadsafe_core.shapes.cores import CORE
 from shields import Shield
 
 PERIOD = 0.02
@@ -240,8 +241,26 @@ def test_the_cbf_method_takes_spheres_only_and_says_so():
 def test_cores_of_fewer_bodies_than_there_are_places_are_refused():
     packed = Obstacles.pack([SHAPES["box"], SHAPES["hull"]])
     short = Obstacles(packed.center, packed.radius, None, packed.cores[:200])
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match=r"^obstacles.cores must have 272 bytes or more"):
         Shield().filter(np.zeros((4, 3)), short, np.zeros(3), PERIOD)
+
+
+@pytest.mark.parametrize("field, value", [("vertex", 10**9), ("vertices", 50), ("facet", -1), ("kind", 8)])
+def test_cores_that_would_lead_a_kernel_out_of_them_are_refused(field, value):
+    packed = Obstacles.pack([SHAPES["box"], SHAPES["hull"]])
+    packed.cores[: 2 * CORE.itemsize].view(CORE)[field][1] = value
+    with pytest.raises(ValueError, match=r"^obstacles.cores must hold kinds that there are"):
+        Shield().filter(np.zeros((4, 3)), packed, np.zeros(3), PERIOD)
+
+
+def test_cores_may_begin_anywhere_in_memory():
+    shapes, flat = [SHAPES["box"], SHAPES["hull"]], np.zeros((4, 3))
+    flat[0], snap = (2.0, 0.3, 0.2), np.array([-300.0, 0.0, 0.0])
+    packed = Obstacles.pack(shapes)
+    memory = np.concatenate([np.zeros(3, np.uint8), packed.cores])
+    odd = Obstacles(packed.center, packed.radius, None, memory[3:])
+    answers = [Shield().filter(flat, given, snap, PERIOD).numbers.tobytes() for given in (packed, odd)]
+    assert answers[0] == answers[1]
 
 
 def test_shapes_far_from_the_origin_and_of_any_size_are_kept_clear_of():
