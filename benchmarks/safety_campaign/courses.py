@@ -104,10 +104,11 @@ class Diver(Greedy):
 
     def velocity(self, observation: NDArray, position: NDArray, time: float) -> NDArray[np.float64]:
         """Full speed at what is nearest."""
-        if int(time) % 2:
-            return super().velocity(observation, position, time)
-        way = observation[:, SURFACE]
-        return 10.0 * SPEED * way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
+        on, way = super().velocity(observation, position, time), observation[:, SURFACE]
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        # Surfaces that are far away are not seen.
+        is_diving = (length > 1e-6) & (int(time) % 2 == 0)
+        return np.where(is_diving, 10.0 * SPEED * way / np.maximum(length, 1e-6), on)
 
 
 PILOTS: dict[str, Any] = {"follower": Follower, "greedy": Greedy, "random": Random, "diver": Diver}
