@@ -118,13 +118,11 @@ def build_world(
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
     furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
+    drawn = furnished(task, drawn, vehicle.radius, draws, **furniture)
     if draws:
         _check_room(drawn, vehicle)
-        drawn = furnished(task, drawn, vehicle.radius, **furniture)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
-    elif any(value is not None for value in furniture.values()):
-        raise ValueError(f"{', '.join(furniture)} must be left out where obstacles are given, got both")
     kept: dict[str, Any] = {
         "action": action,
         "obstacles": Obstacles.pack([*given, *walls], keep_out=vehicle.radius),

@@ -121,13 +121,23 @@ def test_rooms_take_a_width_of_the_opening_and_numbers_of_pillars_and_boxes():
         ({"pillars": -1}, "pillars must be an integer >= 0, got -1"),
         ({"boxes": 1.5}, "boxes must be an integer >= 0, got 1.5"),
         ({"gates": 3}, "gates must be left out for task 'rooms', got 3"),
-        ({"obstacles": [], "boxes": 3}, "opening, gates, pillars, boxes must be left out where obstacles are"),
+        ({"obstacles": [], "boxes": 3}, "boxes must be left out where obstacles are given, got both"),
     ],
 )
 def test_rooms_that_cannot_be_drawn_are_refused(keywords, sentence):
     with pytest.raises((ValueError, TypeError)) as error:
         build_world(1, task="rooms", **keywords)
     assert str(error.value).startswith(sentence)
+
+
+def test_given_obstacles_take_the_place_of_a_room_and_its_opening():
+    room = gymnasium.make("QuadSafe/Rooms-v0").unwrapped
+    env = gymnasium.make("QuadSafe/Rooms-v0", obstacles=[Box((0, 0, 0), (0.4, 0.4, 0.4))]).unwrapped
+    for each in (room, env):
+        each.reset(options={"scene": 3})
+    np.testing.assert_array_equal(env.way, room.way[[0, -1]])
+    np.testing.assert_array_equal(env.goal, room.goal)
+    assert list(env.obstacles) == [Box((0, 0, 0), (0.4, 0.4, 0.4))]
 
 
 def test_a_row_is_the_single_env_of_its_scene():
