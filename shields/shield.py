@@ -190,6 +190,8 @@ class Shield:
         size = size_of(*(x[None] if is_single else x for x in (flats, centers, radii, snaps)))
         if size is None:
             raise shape_error(*given)
+        # The quick way is for what a call has ended well with.
+        self._are_still = False
         self._begin(size, is_single, control_period(period))
         self._cores, velocity = as_cores(obstacles.cores, size), obstacles.velocity
         moving = None if velocity is None else velocity_rows(velocity, (*size, 3))

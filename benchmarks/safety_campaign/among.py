@@ -158,6 +158,21 @@ class Counted(Tally):
         self._violated[rows] = False
 
 
+def hunted(stage: AmongStage, hunt: Hunt, length: int) -> Counted:
+    """Counts of so many control steps, fewer where a vehicle that was lost finds no place to start again."""
+    tally = Counted(ROWS)
+    for _ in range(length):
+        flat = stage.plant.flat_state()
+        action = stage.action_of(hunt.snap(flat, stage.plant.obstacles.center), flat)
+        try:
+            _, _, ended, _, info = stage.env.step(action.astype(np.float32))
+        except ValueError:
+            break
+        tally.add(info, ended)
+    tally.close(np.ones(ROWS, dtype=np.bool_))
+    return tally
+
+
 def fly_among(setting: Among, steps: int, rng: np.random.Generator) -> dict[str, Any]:
     """At least ``steps`` control steps among ever new shapes: the counts, and the seconds that they took."""
     started = time.process_time()
@@ -171,14 +186,7 @@ def fly_among(setting: Among, steps: int, rng: np.random.Generator) -> dict[str,
         except ValueError:
             # These shapes leave no start and goal clear.
             continue
-        tally = Counted(ROWS)
-        hunt = Hunt(rng, shapes, stage.plant.obstacles.center[0], ROWS, stage.period)
-        for _ in range(length):
-            flat = stage.plant.flat_state()
-            action = stage.action_of(hunt.snap(flat, stage.plant.obstacles.center), flat)
-            _, _, ended, _, info = stage.env.step(action.astype(np.float32))
-            tally.add(info, ended)
-        tally.close(np.ones(ROWS, dtype=np.bool_))
+        tally = hunted(stage, Hunt(rng, shapes, stage.plant.obstacles.center[0], ROWS, stage.period), length)
         row = tally.row()
         least = min(least, row.pop("least_clearance"))
         totals = {name: totals.get(name, 0) + count for name, count in {**row, "stuck": tally.hopeless}.items()}

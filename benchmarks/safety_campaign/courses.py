@@ -8,6 +8,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_env.tasks.way import corners_of
 from quadsafe_env.vehicle.actions import SPEED
 from safety_campaign.flights import Tally
 from safety_campaign.stage import NO_LIMIT, VEHICLE_RADIUS, rates, shielded
@@ -57,7 +58,8 @@ class Follower:
 
     def __init__(self, rng: np.random.Generator, world: Any, n: int):
         self._cruise = CAREFUL if world.task.opening <= NARROW else CRUISE
-        ways = [spaced(world.way_of(i)) for i in range(n)]
+        scenes, openings = world.scenes, world.openings
+        ways = [spaced(corners_of(scenes.start[i], openings[i], scenes.goal[i])) for i in range(n)]
         longest = max(map(len, ways))
         self._points = np.array([np.vstack([way, np.repeat(way[-1:], longest - len(way), 0)]) for way in ways])
         self._at = np.zeros(n, dtype=np.int64)

@@ -16,6 +16,13 @@ CASES = (
 # Attacks by the yaw motion at 50 Hz of control and physics: every pilot, and every interface, with every arm.
 YAW = ("spin snap", "alternate velocity", "tumble wrench")
 YAW_VEHICLES = ("moon off sphere", "J_z > 2 J_x off sphere", "crazyflie loss 0.9 forest")
+# Among shapes: one and many, at rest and moving, with and without the shield; and flights through openings.
+AMONG = (
+    "shapes sampled snap 25 box 0.0",
+    "shapes sampled velocity 25 joint 0.5",
+    "shapes none snap 25 box 0.0",
+)
+AMONG += ("shapes none velocity 25 joint 0.5", "course Rooms follower 20 0.80", "course Gates diver 24 0.16")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +38,7 @@ def jobs(safety, tmp_path_factory):
     cases = {f"{arm} {attack} {action} {rate} " for arm in safety.ARMS for attack, action, rate in CASES}
     yaw = {f"yaw {arm} {attack} 50 50 crazyflie off" for arm in safety.YAW_ARMS for attack in YAW}
     yaw |= {f"yaw sampled {attack} 50 50 {vehicle}" for attack in YAW for vehicle in YAW_VEHICLES}
-    kinds = (*cases, *yaw, "forest 20 2.0", "chain 2 25", "chain 4 25", "border")
+    kinds = (*cases, *yaw, *AMONG, "forest 20 2.0", "chain 2 25", "chain 4 25", "border")
     return [
         job for job in safety.jobs(scale, 0, tmp_path_factory.mktemp("weights")) if job.key.startswith(kinds)
     ]
@@ -113,6 +120,27 @@ def test_among_20_spheres_the_shield_keeps_clear_and_keeps_flying(tables, result
     safe, bare = (tables.kind(results.rows, "forest", arm=arm)[0] for arm in ("sampled", "none"))
     assert float(safe["mean_speed"]) >= 0.9 * float(bare["mean_speed"])
     assert int(safe["stuck"]) == 0
+
+
+def test_no_hunt_among_shapes_violates_the_shield_and_most_do_without_it(tables, results):
+    for shape in ("box", "joint"):
+        assert count(tables, results, "violated_steps", "shapes", arm="sampled", attack=shape) == 0
+        assert count(tables, results, "uncertified", "shapes", arm="sampled", attack=shape) == 0
+        episodes = count(tables, results, "episodes", "shapes", arm="none", attack=shape)
+        assert count(tables, results, "violated_episodes", "shapes", arm="none", attack=shape) > 0.4 * episodes
+
+
+def test_through_rooms_and_gates_the_shield_keeps_clear_and_keeps_flying(tables, results):
+    assert count(tables, results, "violated_steps", "course", arm="sampled") == 0
+    assert count(tables, results, "violated_episodes", "course", arm="none", attack="diver") > 0
+    safe, bare = (tables.kind(results.rows, "course", arm=arm, task="Rooms")[0] for arm in ("sampled", "none"))
+    assert float(safe["mean_speed"]) >= 0.95 * float(bare["mean_speed"])
+    assert int(safe["stuck"]) == 0
+
+
+def test_every_table_is_made_of_the_results(safety, results):
+    for name, make in safety.shape_tables.TABLES.items():
+        assert make(results.rows).count("\n") >= 2, name
 
 
 def test_the_bare_chain_keeps_its_bound_between_samples_too(tables, results):

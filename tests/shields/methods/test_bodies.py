@@ -276,3 +276,22 @@ def test_shapes_far_from_the_origin_and_of_any_size_are_kept_clear_of():
                 flat = moved(flat, answer.snap, PERIOD)
                 assert shape.distance(flat[:, 0])[0] >= KEEP_OUT
             assert shape.distance(flat[:, 0])[0] < KEEP_OUT + 0.02
+
+
+@pytest.mark.interpreted
+def test_a_refused_call_leaves_no_body_behind_for_the_next_one():
+    flat, snap = np.zeros((4, 3)), np.array([0.0, 0.0, -400.0])
+    flat[0] = 0.5, 0.0, 0.4
+    small, wide = (Obstacles.pack([Box((0, 0, 0), (edge, edge, 0.2))]) for edge in (0.2, 2.0))
+    shield = Shield()
+    shield.filter(flat, small, snap, PERIOD)
+    with pytest.raises(ValueError, match="velocity must have the shape of center"):
+        shield.filter(flat, Obstacles(wide.center, wide.radius, np.zeros((2, 3)), wide.cores), snap, PERIOD)
+    assert shield.filter(flat, wide, snap, PERIOD).value == Shield().filter(flat, wide, snap, PERIOD).value
+    # Nor does what was remembered before a reset come back.
+    shield.reset()
+    with pytest.raises(TypeError, match=r"^obstacles\.cores must be"):
+        shield.filter(flat, Obstacles(wide.center, wide.radius, None, 1), snap, PERIOD)
+    before = shield.snapshot()["memory"].tobytes()
+    shield.filter(flat, wide, snap, PERIOD)
+    assert shield.snapshot()["memory"].tobytes() != before
