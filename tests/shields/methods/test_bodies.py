@@ -290,7 +290,7 @@ def test_a_refused_call_leaves_no_body_behind_for_the_next_one():
     assert shield.filter(flat, wide, snap, PERIOD).value == Shield().filter(flat, wide, snap, PERIOD).value
     # Nor does what was remembered before a reset come back.
     shield.reset()
-    with pytest.raises(TypeError, match="obstacles.cores must be"):
+    with pytest.raises(TypeError, match=r"obstacles\.cores must be"):
         shield.filter(flat, Obstacles(wide.center, wide.radius, None, 1), snap, PERIOD)
     before = shield.snapshot()["memory"].tobytes()
     shield.filter(flat, wide, snap, PERIOD)
