@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import non_negative_number, shaped_array
-from quadsafe_core.shapes.cores import SPHERE, cores_of
+from quadsafe_core.shapes.cores import SPHERE, are_within, cores_of
 from quadsafe_core.shapes.flat_shapes import Box, HalfSpace, Hull
 from quadsafe_core.shapes.reading import entries_of, shapes_from
 from quadsafe_core.shapes.records import Body, core_at, core_bytes
@@ -126,6 +126,8 @@ class Obstacles:
     def _worlds(self) -> list[list[Shape]]:
         wide = self if self.radius.ndim > 1 else self._with_leading((1, *self.radius.shape))
         n, k = wide.radius.shape
+        if self.cores is not None and not are_within(self.cores, n, k):
+            raise ValueError(f"cores must be those of {(n, k)} bodies, got others")
         found = [[wide._shape_at(i, j) for j in range(k)] for i in range(n)]
         return [[shape for shape in world if shape is not None] for world in found]
 
