@@ -212,7 +212,7 @@ class Shield:
             self._size, self._period = size, math.nan
         if size != self._size:
             raise ValueError(
-                f"flat and radius must keep their N and K until reset(), got {size} after {self._size}"
+                f"flat and obstacles must keep their N and K until reset(), got {size} after {self._size}"
             )
         if period != self._period:
             self._kernels, self._period = self._method.at(period), period

@@ -51,7 +51,10 @@ class Cores(NamedTuple):
 
 @register_jitable
 def cores_of(memory: Any, n: int, k: int) -> Cores:
-    """The cores that ``Obstacles.cores`` holds: (N, K) ``CORE``, and behind them the numbers; borrowed."""
+    """The cores that ``Obstacles.cores`` holds: (N, K) ``CORE``, and behind them the numbers; borrowed.
+
+    The first of the numbers of hulls is how many there are.
+    """
     core, rest = taken(memory, CORES, (n, k))
     return Cores(core, carved(rest, 0, NUMBERS, (rest.nbytes // NUMBERS.itemsize,)))
 
@@ -62,7 +65,8 @@ def are_within(memory: NDArray[np.uint8], n: int, k: int) -> bool:
     hulls, kinds = core[core["kind"] == HULL], core["kind"]
     ranges = ((hulls["vertex"], 3 * hulls["vertices"]), (hulls["facet"], 4 * hulls["facets"]))
     is_held = all(((at >= 0) & (size > 0) & (at + size <= numbers.size)).all() for at, size in ranges)
-    return bool(is_held and ((kinds >= ABSENT) & (kinds <= HALF_SPACE)).all())
+    is_whole = not len(hulls) or numbers[0] == numbers.size
+    return bool(is_held and is_whole and ((kinds >= ABSENT) & (kinds <= HALF_SPACE)).all())
 
 
 @register_jitable

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import non_negative_number, shaped_array
-from quadsafe_core.shapes.cores import SPHERE, cores_of
+from quadsafe_core.shapes.cores import SPHERE, are_within, cores_of
 from quadsafe_core.shapes.flat_shapes import Box, HalfSpace, Hull
-from quadsafe_core.shapes.reading import shapes_from
+from quadsafe_core.shapes.reading import entries_of, shapes_from
 from quadsafe_core.shapes.records import Body, core_at, core_bytes
 from quadsafe_core.shapes.round_shapes import Capsule, Cylinder, Ellipsoid, Sphere
 from quadsafe_core.shapes.shape import AT_REST, Shape
@@ -81,10 +81,11 @@ class Obstacles:
             TypeError, ValueError: for what is no shape.
         """
         keep_out = non_negative_number("keep_out", keep_out)
-        if not len(shapes) or not all(map(_is_world, shapes)):
-            packed = cls._of_worlds([shapes_from(shapes)], keep_out)
+        entries = entries_of(shapes)
+        if not entries or not all(map(_is_world, entries)):
+            packed = cls._of_worlds([shapes_from(entries)], keep_out)
             return packed._with_leading(packed.radius.shape[1:])
-        worlds = [shapes_from(world, f"obstacles[{i}]") for i, world in enumerate(shapes)]
+        worlds = [shapes_from(world, f"obstacles[{i}]") for i, world in enumerate(entries)]
         return cls._of_worlds(worlds, keep_out)
 
     @classmethod
@@ -125,6 +126,8 @@ class Obstacles:
     def _worlds(self) -> list[list[Shape]]:
         wide = self if self.radius.ndim > 1 else self._with_leading((1, *self.radius.shape))
         n, k = wide.radius.shape
+        if self.cores is not None and not are_within(self.cores, n, k):
+            raise ValueError(f"cores must be those of {(n, k)} bodies, got others")
         found = [[wide._shape_at(i, j) for j in range(k)] for i in range(n)]
         return [[shape for shape in world if shape is not None] for world in found]
 

@@ -42,9 +42,19 @@ def shapes_from(values: Iterable[Any], name: str = "obstacles") -> list[Shape]:
     Raises:
         TypeError, ValueError: as ``shape_from``, and for what has no entries.
     """
-    if isinstance(values, str | Mapping | Shape) or not isinstance(values, Iterable):
+    return [shape_from(value, f"{name}[{k}]") for k, value in enumerate(entries_of(values, name))]
+
+
+def entries_of(values: Iterable[Any], name: str = "obstacles") -> list[Any]:
+    """What is in a list.
+
+    Raises:
+        TypeError: for one shape, and for what has no entries.
+    """
+    is_one = isinstance(values, str | Mapping | Shape) or (isinstance(values, np.ndarray) and values.ndim == 0)
+    if is_one or not isinstance(values, Iterable):
         raise TypeError(f"{name} must be a list of shapes, mappings or rows [x, y, z, radius], got {values!r}")
-    return [shape_from(value, f"{name}[{k}]") for k, value in enumerate(values)]
+    return list(values)
 
 
 def _from_mapping(value: dict[str, Any], name: str) -> Shape:

@@ -54,8 +54,8 @@ def core_bytes(worlds: Sequence[Sequence[Body]], places: int) -> NDArray[np.uint
             record["kind"], record["axes"], record["half"] = body.kind, body.axes, body.half
             if body.kind == HULL:
                 hulls.write(record, body.vertices)
-    # At least one, as an array of none has no place in memory.
-    numbers = np.concatenate([*hulls.parts, np.zeros(1)])
+    # How many there are comes first: behind the records of fewer worlds something else would.
+    numbers = np.concatenate([np.array([float(hulls.end)]), *hulls.parts])
     return np.concatenate([core.reshape(-1).view(np.uint8), numbers.view(np.uint8)])
 
 
@@ -75,7 +75,7 @@ class _Numbers:
     def __init__(self):
         self.parts: list[NDArray[np.float64]] = []
         self.starts: dict[bytes, int] = {}
-        self.end = 0
+        self.end = 1
 
     def write(self, record: Any, vertices: NDArray[np.float64]) -> None:
         """Add those of a hull, and where they are into its record."""

@@ -59,7 +59,8 @@ def as_cores(value: NDArray[np.uint8] | None, size: tuple[int, int]) -> NDArray[
     array = array if array.ctypes.data % CORE.alignment == 0 else array.copy()
     if not are_within(array, *size):
         raise ValueError(
-            "obstacles.cores must hold kinds that there are and the numbers of all hulls, got others"
+            "obstacles.cores must hold kinds that there are and the numbers of all hulls "
+            f"behind the records of {size} bodies, got others"
         )
     return array
 

@@ -158,6 +158,9 @@ def test_obstacles_are_equal_by_value_and_print_what_makes_them():
             lambda: Obstacles.pack([[ONE], [ONE, [0, 0, 0, -1]]]),
             r"^obstacles\[1\]\[1\]\.radius must be 0 or more",
         ),
+        (lambda: Obstacles.pack(5), r"^obstacles must be a list of shapes, mappings or rows .*, got 5$"),  # type: ignore
+        (lambda: Obstacles.pack(ONE), r"^obstacles must be a list of shapes, .*, got "),  # type: ignore
+        (lambda: Obstacles.pack(np.array(5.0)), r"^obstacles must be a list of shapes, .*, got array"),  # type: ignore
         (lambda: Obstacles.pack([ONE], -0.1), r"^keep_out must be a finite number >= 0, got -0\.1$"),
         (lambda: Obstacles.pack([ONE], math.nan), r"^keep_out must be a finite number >= 0, got nan$"),
         (lambda: Obstacles.spheres(np.ones(3), 1.0), r"^center must have shape \(…, K, 3\), got \(3,\)$"),

@@ -253,6 +253,23 @@ def test_cores_that_would_lead_a_kernel_out_of_them_are_refused(field, value):
         Shield().filter(np.zeros((4, 3)), packed, np.zeros(3), PERIOD)
 
 
+def test_cores_of_more_worlds_than_there_are_rows_are_refused():
+    # Behind the records of fewer worlds others begin, not the corners of hulls.
+    slab = Hull([(x, y, z) for x in (-8, 8) for y in (-8, 8) for z in (-0.1, 0.1)])
+    packed, flat = Obstacles.pack([[slab]] * 3), np.zeros((1, 4, 3))
+    flat[0, 0, 2] = 1.0
+    one = Obstacles(packed.center[:1], packed.radius[:1], None, packed.cores)
+    with pytest.raises(
+        ValueError, match=r"^obstacles.cores must hold .* behind the records of \(1, 1\) bodies"
+    ):
+        Shield().filter(flat, one, np.zeros((1, 3)), PERIOD)
+    with pytest.raises(ValueError, match=r"^cores must be those of \(1, 1\) bodies"):
+        list(one)
+    records, rest = packed.cores[: CORE.itemsize], packed.cores[3 * CORE.itemsize :]
+    row = Obstacles(packed.center[:1], packed.radius[:1], None, np.concatenate([records, rest]))
+    assert list(row) == [[slab]] and Shield().filter(flat, row, np.zeros((1, 3)), PERIOD).certified
+
+
 def test_cores_may_begin_anywhere_in_memory():
     shapes, flat = [SHAPES["box"], SHAPES["hull"]], np.zeros((4, 3))
     flat[0], snap = (2.0, 0.3, 0.2), np.array([-300.0, 0.0, 0.0])
@@ -290,8 +307,8 @@ def test_a_refused_call_leaves_no_body_behind_for_the_next_one():
     assert shield.filter(flat, wide, snap, PERIOD).value == Shield().filter(flat, wide, snap, PERIOD).value
     # Nor does what was remembered before a reset come back.
     shield.reset()
-    with pytest.raises(TypeError, match=r"^obstacles\.cores must be"):
-        shield.filter(flat, Obstacles(wide.center, wide.radius, None, 1), snap, PERIOD)
+    with pytest.raises(TypeError, match=r"obstacles\.cores must be"):
+        shield.filter(flat, Obstacles(wide.center, wide.radius, None, wide.cores.astype(float)), snap, PERIOD)
     before = shield.snapshot()["memory"].tobytes()
     shield.filter(flat, wide, snap, PERIOD)
     assert shield.snapshot()["memory"].tobytes() != before
