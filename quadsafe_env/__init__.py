@@ -15,6 +15,8 @@ from quadsafe_core.shapes import (
 )
 from quadsafe_env.maps import Map, load_obstacles
 from quadsafe_env.tasks.conditions import CONDITIONS, Conditions
+from quadsafe_env.vehicle.airframe import Airframe
+from quadsafe_env.vehicle.params import QuadrotorParams
 
 register_environments()
 keep_old_paths(
@@ -26,5 +28,5 @@ keep_old_paths(
     },
 )
 
-__all__ = ["CONDITIONS", "Conditions", "Map", "load_obstacles"]
+__all__ = ["CONDITIONS", "Airframe", "Conditions", "Map", "QuadrotorParams", "load_obstacles"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]

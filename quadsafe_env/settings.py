@@ -21,7 +21,7 @@ from quadsafe_env.tasks.conditions import OFF, conditions_from
 from quadsafe_env.tasks.gates import GatesTask
 from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
-from quadsafe_env.vehicle.params import QuadrotorParams, params_from
+from quadsafe_env.vehicle.params import QuadrotorParams, fitting, params_from
 
 TASKS = {
     "flight": FlightTask(body_count=1, observed_count=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)),
@@ -88,7 +88,7 @@ def build_world(
         render_mode: one that was checked, or None; what is rendered remembers its past.
         task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
         action: "velocity", "snap" or "wrench".
-        params: preset name, mapping of fields, or QuadrotorParams.
+        params: preset name, mapping of fields, or QuadrotorParams; ``docs/vehicles.md`` has the presets.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
             one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.
         bounds: a box to keep in, [low, high], (3,) each, m: six walls beside the obstacles, given or drawn.
@@ -109,10 +109,13 @@ def build_world(
         camera: where pictures are seen from: a mapping of some of azimuth, elevation (degrees), distance (m),
             follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the way from start to goal.
 
+    Warns:
+        UserWarning: where numbers of the vehicle do not fit together, see ``fitting``.
+
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
     """
-    vehicle = params_from(params)
+    vehicle = fitting(params_from(params))
     draws = obstacles is None
     given = [] if obstacles is None else shapes_from(obstacles)
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from quadsafe_core.checks import checked_when_made, non_negative_number, one_of
-from quadsafe_env.vehicle.presets import from_mapping, from_sequence
+from quadsafe_core.presets import from_mapping, from_sequence
 
 PROBABILITIES = ("loss",)
 FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")

@@ -1,15 +1,14 @@
-"""Physical parameters of a quadrotor, and three presets from public sources."""
+"""Physical parameters of a quadrotor, and presets; ``docs/vehicles.md`` has the source of each number."""
 
+import warnings
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from quadsafe_core.checks import finite_array, one_of, positive_number
-from quadsafe_env.vehicle.presets import from_mapping, from_sequence
+from numpy.typing import ArrayLike
 
-GRAVITY = 9.81
-# The flat map is singular at zero thrust. Below this fraction of the hover thrust the model counts as
-# crashed; the value is a choice, small enough to leave nearly free fall to the pilot.
-THRUST_FLOOR = 0.05
+from quadsafe_core.checks import finite_array, one_of, positive_number
+from quadsafe_core.presets import from_mapping, from_sequence
+from quadsafe_env.vehicle.airframe import GRAVITY, PROPELLER, Airframe, misfits
 
 
 class QuadrotorParams(NamedTuple):
@@ -49,35 +48,57 @@ class QuadrotorParams(NamedTuple):
         """Full thrust as a specific thrust, m/s²; the ``thrust_max`` of an ``Authority`` lies below it."""
         return self.thrust_max / self.mass
 
+    @classmethod
+    def from_airframe(
+        cls,
+        *,
+        mass: float,
+        arm: float,
+        motor_thrust_max: float,
+        propeller_radius: float | None = None,
+        propeller_inertia: float | None = None,
+        inertia: ArrayLike | None = None,
+        moment_ratio: float | None = None,
+        gravity: float = GRAVITY,
+        yaw_rate_max: float = 10.0,
+    ) -> "QuadrotorParams":
+        """A quadrotor in X of which little is known: what is None is estimated by the rule of ``Airframe``.
 
-def x_torque_max(arm: float, thrust_max: float, moment_ratio: float) -> tuple[float, float, float]:
-    """Largest torque about each body axis of an X configuration, two rotors at full thrust and two at zero.
+        ``Airframe`` has the arguments and the rule; ``Airframe(…).assumptions()`` says what was estimated.
 
-    A rotor gives at most ``f = thrust_max / 4``. Two of them act on the lever ``arm / √2`` about x or y, and
-    on ``moment_ratio`` about z: ``(√2 arm f, √2 arm f, 2 moment_ratio f)``.
+        Args:
+            yaw_rate_max: largest ω_z that the vehicle is flown with, rad/s.
 
-    Args:
-        arm: centre to rotor axis, m.
-        thrust_max: all four rotors, N.
-        moment_ratio: drag torque over thrust of one rotor, k_m / k_f, m.
-    """
-    rotor = thrust_max / 4.0
-    roll = 2.0**0.5 * arm * rotor
-    return (roll, roll, 2.0 * moment_ratio * rotor)
+        Warns:
+            UserWarning: where a given inertia does not fit mass and arm, with the ratio.
+
+        Raises:
+            TypeError, ValueError: for a number out of its range, or motors that do not lift the mass.
+        """
+        frame = Airframe(
+            mass=mass,
+            arm=arm,
+            motor_thrust_max=motor_thrust_max,
+            propeller_radius=propeller_radius,
+            propeller_inertia=propeller_inertia,
+            inertia=inertia,
+            moment_ratio=moment_ratio,
+            gravity=gravity,
+        )
+        return fitting(_checked(cls(**frame.fields(), yaw_rate_max=yaw_rate_max)))
 
 
-def _preset(mass, inertia, arm, propeller, thrust_max, moment_ratio) -> QuadrotorParams:
-    return QuadrotorParams(
-        mass=mass,
-        inertia=inertia,
-        arm=arm,
-        radius=arm + propeller,
-        thrust_max=thrust_max,
-        thrust_min=THRUST_FLOOR * mass * GRAVITY,
-        torque_max=x_torque_max(arm, thrust_max, moment_ratio),
-        gravity=GRAVITY,
-    )
+def _preset(levers: tuple[float, float] | None = None, **known) -> QuadrotorParams:
+    """A vehicle of an airframe; ``levers`` of the rotors about x and y, m, where they are not the same."""
+    params = QuadrotorParams(**Airframe(**known).fields())
+    if levers is None:
+        return params
+    pair = 0.5 * params.thrust_max
+    return params._replace(torque_max=(levers[0] * pair, levers[1] * pair, params.torque_max[2]))
 
+
+# Of one, with its propeller, kg.
+ROTOR_MASS = 0.0160769
 
 PRESETS = {
     # Crazyflie 2.x: gym-pybullet-drones, assets/cf2x.urdf (thrust-to-weight 2.25; k_f in N/rpm², k_m in
@@ -86,29 +107,74 @@ PRESETS = {
         mass=0.027,
         inertia=(1.4e-5, 1.4e-5, 2.17e-5),
         arm=0.0397,
-        propeller=0.0231348,
-        thrust_max=2.25 * 0.027 * GRAVITY,
+        propeller_radius=0.0231348,
+        motor_thrust_max=2.25 * 0.027 * GRAVITY / 4.0,
         moment_ratio=7.94e-12 / 3.16e-10,
     ),
+    # Crazyflie 2.1 Brushless: utiasDSL/drone-models, drone_models/data/params.toml, cf21B_500. Its L is the
+    # lever about x and y.
+    "crazyflie_brushless": _preset(
+        mass=0.04338,
+        inertia=(25e-6, 28e-6, 49e-6),
+        arm=2.0**0.5 * 0.035355,
+        propeller_radius=0.0275,
+        motor_thrust_max=0.18,
+        moment_ratio=0.00593893393599368,
+    ),
     # AscTec Hummingbird: OmniDrones, usd/hummingbird.yaml; propeller radius: RotorS, hummingbird.xacro. Both
-    # place the rotors on the body axes; here they stand between them, as on the other two.
+    # place the rotors on the body axes; here they stand between them, as on the others.
     "hummingbird": _preset(
         mass=0.716,
         inertia=(7e-3, 7e-3, 1.2e-2),
         arm=0.17,
-        propeller=0.1,
-        thrust_max=4.0 * 8.54858e-6 * 838.0**2,
+        propeller_radius=0.1,
+        motor_thrust_max=8.54858e-6 * 838.0**2,
         moment_ratio=0.016,
     ),
-    # Racer: gym-pybullet-drones, assets/racer.urdf (thrust-to-weight 4.17). It gives 12.7 cm as the radius of
-    # a five-inch propeller; that is the diameter, and rotors 13.5 cm apart would not turn otherwise.
+    # Racer with five-inch propellers: gym-pybullet-drones, assets/racer.urdf (thrust-to-weight 4.17). It gives
+    # 12.7 cm as their radius; that is the diameter, and rotors 13.5 cm apart would not turn otherwise.
     "racer": _preset(
         mass=0.83,
         inertia=(3.113e-3, 3.113e-3, 3.113e-3),
         arm=0.109,
-        propeller=0.0635,
-        thrust_max=4.17 * 0.83 * GRAVITY,
+        propeller_radius=0.0635,
+        motor_thrust_max=4.17 * 0.83 * GRAVITY / 4.0,
         moment_ratio=2.13e-11 / 8.47e-9,
+    ),
+    # Research frame, 250 mm across: uzh-rpg/flightmare, flightpy/configs/control/config.yaml. Its rotors stand
+    # at (±0.075, ±0.1) m, hence the torque. It gives no propellers: they are of the rule for rotors that far
+    # apart on every side as these on the short ones.
+    "research_250": _preset(
+        mass=0.752,
+        inertia=(2.5e-3, 2.1e-3, 4.3e-3),
+        arm=0.125,
+        propeller_radius=PROPELLER * 2.0**0.5 * 0.075,
+        motor_thrust_max=1.562522e-6 * 2333.0**2,
+        moment_ratio=0.022,
+        levers=(0.1, 0.075),
+    ),
+    # X500: PX4/PX4-gazebo-models, models/x500_base/model.sdf and models/x500/model.sdf: the body with four
+    # rotors, and a propeller as long as its box.
+    "x500": _preset(
+        mass=2.0 + 4 * ROTOR_MASS,
+        inertia=tuple(
+            body + 4 * ROTOR_MASS * square
+            for body, square in zip(
+                (0.0216667, 0.0216667, 0.04), (0.174**2, 0.174**2, 2 * 0.174**2), strict=True
+            )
+        ),
+        arm=2.0**0.5 * 0.174,
+        propeller_radius=0.2792308 / 2,
+        motor_thrust_max=8.54858e-6 * 1000.0**2,
+        moment_ratio=0.016,
+    ),
+    # The same frame, propellers and motors at 1.5 kg: the mass is a choice, and the inertia of the rule.
+    "x500_light": _preset(
+        mass=1.5,
+        arm=2.0**0.5 * 0.174,
+        propeller_radius=0.2792308 / 2,
+        motor_thrust_max=8.54858e-6 * 1000.0**2,
+        moment_ratio=0.016,
     ),
 }
 DEFAULT = "crazyflie"
@@ -137,6 +203,17 @@ def params_from(value: "str | Mapping | QuadrotorParams | list | tuple") -> Quad
         # The last field has a default, and came later.
         return _checked(from_sequence("params", value, QuadrotorParams, len(QuadrotorParams._fields) - 1))
     raise TypeError(f"params must be a preset name, a mapping or a QuadrotorParams, got {value!r}")
+
+
+def fitting(params: QuadrotorParams) -> QuadrotorParams:
+    """``params`` as they are.
+
+    Warns:
+        UserWarning: where inertia or torque do not fit mass, arm and thrust, with the ratio: ``misfits``.
+    """
+    for sentence in misfits(params):
+        warnings.warn(f"params: {sentence}", UserWarning, stacklevel=3)
+    return params
 
 
 def _checked(params: QuadrotorParams) -> QuadrotorParams:

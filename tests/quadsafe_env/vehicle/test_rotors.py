@@ -95,7 +95,7 @@ def test_full_torque_takes_two_rotors_at_full_thrust_and_two_at_zero(name):
     rotors = rotor_thrusts(p.thrust_max / 2, np.diag(p.torque_max), p) / (p.thrust_max / 4)
     expected = [[1, 1, 0, 0], [0, 1, 1, 0], [1, 0, 1, 0]]
     np.testing.assert_allclose(rotors, expected, rtol=0, atol=1e-15)
-    assert levers(p)[0] == levers(p)[1] == pytest.approx(p.arm / math.sqrt(2), rel=1e-15)
+    assert math.hypot(*levers(p)[:2]) == pytest.approx(p.arm, rel=1e-15)
 
 
 def test_shapes_and_numbers_are_checked():

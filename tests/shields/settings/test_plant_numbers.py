@@ -43,7 +43,14 @@ def fly(env, steps=150, seed=0, turn=None):
 
 MOON = {"params": {"gravity": 1.62}}
 NOTHING = {"cost": 0, "uncertified": 0, "crash": 0, "surprised": 0}
-HEAVY = {"mass": 1.5, "inertia": [0.02, 0.02, 0.035], "thrust_max": 40.0, "thrust_min": 0.7}
+HEAVY = {
+    "mass": 1.5,
+    "inertia": [0.02, 0.02, 0.035],
+    "arm": 0.225,
+    "thrust_max": 40.0,
+    "thrust_min": 0.7,
+    "torque_max": [3.2, 3.2, 0.3],
+}
 VEHICLES = {
     **{name: name for name in PRESETS},
     "moon": {"gravity": 1.62},
