@@ -3,6 +3,8 @@
 python train.py                  both arms on QuadSafe/Avoid-v0
 python train.py -i RUN           go on with a run, or add arms and seeds to it
 python train.py evaluate RUN     the agents of a run again, on held-out scenes
+python train.py evaluate M:NAME  a policy of yours, a callable or a model in a module, on the same scenes
+python train.py export RUN       the policy of a run as an ONNX or TorchScript file
 python train.py report RUN       tables and figures again, from the CSV files of a run
 python train.py watch RUN        a flight of one of its agents, in a window or as a video
 """
@@ -12,6 +14,7 @@ from collections.abc import Sequence
 
 from agents.experiment.command_line import (
     Evaluate,
+    Export,
     Report,
     Train,
     Watch,
@@ -49,16 +52,31 @@ def train(command: Train) -> int:
 
 
 def evaluate(command: Evaluate) -> int:
-    """Fly the agents of a run again, and report."""
+    """Fly the agents of a run again, or a policy from elsewhere, and report."""
     from agents.experiment import runs
     from agents.measure import evaluate, trace
+    from agents.policies import adapters, commands
     from agents.report import reporting
 
     with errors_as_sentences():
+        if adapters.is_name(command.run):
+            print(commands.evaluate_named(command))
+            return 0
+        if command.of_a_policy:
+            raise ValueError(f"{', '.join(command.of_a_policy)} must come with a policy, got {command.run!r}")
         run = runs.open_run(command.run)
         evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
         trace.write_trace(run)
         print(reporting.write_report(run))
+    return 0
+
+
+def export(command: Export) -> int:
+    """Write the policy of a run for other programs."""
+    from agents.policies import commands
+
+    with errors_as_sentences():
+        print(commands.export_of_run(command))
     return 0
 
 
@@ -95,6 +113,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         match command:
             case Evaluate():
                 return evaluate(command)
+            case Export():
+                return export(command)
             case Report():
                 return report(command)
             case Watch():

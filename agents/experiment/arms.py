@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-AgentKind = Literal["learner", "tracker", "random"]
+AgentKind = Literal["learner", "tracker", "random", "given"]
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,8 @@ class Arm:
     title: str
     """What tables call it."""
     agent: AgentKind = "learner"
-    """A policy that learns, the minimum-snap tracker of Section VI, or uniformly random actions."""
+    """A policy that learns, the minimum-snap tracker of Section VI, uniformly random actions, or a policy from
+    elsewhere that ``agents.evaluate`` was given."""
     is_shielded: bool = False
     """Whether the shield is there during training."""
     shield: dict[str, Any] = field(default_factory=dict)
@@ -34,7 +35,7 @@ class Arm:
     @property
     def has_seeds(self) -> bool:
         """Whether a seed changes anything."""
-        return self.agent != "tracker"
+        return self.agent not in ("tracker", "given")
 
 
 # Of penalties from 0.5 to 10 and from 0.01 to 0.05, each tried with two seeds that no study flies, these left
@@ -47,4 +48,7 @@ ARMS = {
     "cbf": Arm("shield, method cbf", is_shielded=True, shield={"method": "cbf"}),
     "tracker": Arm("tracker", agent="tracker"),
     "random": Arm("random actions", agent="random"),
+    "policy": Arm("given policy", agent="given"),
 }
+GIVEN = "policy"
+OF_RUNS = tuple(name for name, arm in ARMS.items() if arm.agent != "given")

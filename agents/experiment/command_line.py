@@ -5,11 +5,11 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 
-from agents.experiment.config import Experiment, Options, check_positive
+from agents.experiment.config import Experiment, Options, Pairs, check_positive
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,8 @@ class Train:
     """Train with and without the shield, and compare how often the two collide.
 
     `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
-    flies the agents of a run again, `train.py report RUN` makes its tables and figures again,
+    flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
+    writes one for other programs, `train.py report RUN` makes its tables and figures again,
     `train.py watch RUN` shows a flight; each has --help.
     """
 
@@ -27,17 +28,53 @@ class Train:
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Fly every agent of a run on held-out scenes, each with the shield on and off."""
+    """Fly every agent of a run, or a policy of yours, on held-out scenes, each with the shield on and off.
 
-    run: tyro.conf.Positional[Path]
-    """Run folder, as logs/QuadSafe-Avoid-v0_1."""
+    What stands under "of a policy" decides how a policy is flown; a run has its own.
+    """
+
+    run: tyro.conf.Positional[str]
+    """Run folder, as logs/QuadSafe-Avoid-v0_1; or a policy: module:name of a callable from an observation to an
+    action or of a model with Stable-Baselines3's predict, or an ONNX file."""
     eval_episodes: int | None = None
-    """Number of held-out scenes, when another than that of the run."""
+    """Number of held-out scenes, when another than that of the run; 200 of a policy."""
     num_threads: int = 1
     """Threads of torch."""
+    env: str | None = None
+    """Of a policy: id of the environment, QuadSafe/Avoid-v0 unless given."""
+    action: str | None = None
+    """Of a policy: what it commands, velocity unless given."""
+    env_kwargs: Pairs = field(default_factory=dict)
+    """Of a policy: further keywords of the environment, as params:racer policy_hz:50."""
+    shield: Pairs = field(default_factory=dict)
+    """Of a policy: settings of the shield, as alpha:4.0."""
+    log_folder: Annotated[Path | None, tyro.conf.arg(aliases=["-f"])] = None
+    """Of a policy: folder for the run folder, logs unless given."""
 
     def __post_init__(self):
         check_positive(self, "num_threads", *(["eval_episodes"] if self.eval_episodes is not None else []))
+
+    @property
+    def of_a_policy(self) -> dict[str, Any]:
+        """What was given that only a policy is asked."""
+        names = ("env", "action", "env_kwargs", "shield", "log_folder")
+        return {name: getattr(self, name) for name in names if getattr(self, name)}
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write the policy of a run for other programs: from observations (N, D) to the actions that it flies."""
+
+    run: tyro.conf.Positional[Path]
+    """Run folder, as logs/QuadSafe-Avoid-v0_1."""
+    arm: str | None = None
+    """Whose policy; the last that was trained unless given."""
+    seed: int | None = None
+    """Which of its trainings; its first unless given."""
+    format: Literal["onnx", "torchscript"] = "onnx"
+    """Kind of file; onnx needs pip install "quadsafe[onnx]"."""
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """File to write; policy.onnx or policy.ts beside the weights unless given."""
 
 
 @dataclass(frozen=True)
@@ -63,11 +100,11 @@ class Watch:
     no_shield: bool = False
     """Take the shield away."""
     video: Path | None = None
-    """Write this .webp, .gif or .mp4 (with a system ffmpeg) in place of opening a window."""
+    """Write this .webp, .gif or .mp4 (with ffmpeg, see quadsafe[video]) in place of opening a window."""
 
 
-COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report, "watch": Watch}
-Command = Train | Evaluate | Report | Watch
+COMMANDS: dict[str, type] = {"evaluate": Evaluate, "export": Export, "report": Report, "watch": Watch}
+Command = Train | Evaluate | Export | Report | Watch
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import ARMS, OF_RUNS
 
 SEED_LIMIT = 2**32
 # By the names of Stable-Baselines3, and what is not the constructor's: n_envs, the rows flown at once, and
@@ -85,7 +85,7 @@ class Experiment:
     """Further keywords of the environment, as params:racer policy_hz:50."""
     shield: Pairs = field(default_factory=dict)
     """Settings of the shield, as alpha:4.0 snap_max:80.0."""
-    arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(ARMS)}}} ...")] = ("none", "shield")
+    arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(OF_RUNS)}}} ...")] = ("none", "shield")
     """What to compare, see agents/experiment/arms.py."""
     algo: str = "ppo"
     """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …"""

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from agents.experiment.arms import ARMS, Arm
+from agents.experiment.arms import ARMS, OF_RUNS, Arm
 from agents.experiment.config import Experiment, default_hyperparams
 from quadsafe_core.checks import one_of, positive_integer
 from quadsafe_env.registration import IDS
@@ -69,21 +69,28 @@ def of_arm(experiment: Experiment, arm: Arm) -> Experiment:
     return replace(experiment, action=action, shield={**experiment.shield, **arm.shield})
 
 
+def spelled_shield(experiment: Experiment) -> Experiment:
+    """The experiment with the kind of its shield spelled out, and settings as YAML has them."""
+    # What is left out the plant gives, to every arm its own.
+    shield = {"method": "sampled", "inner_loop": "proved", **plain_settings(experiment.shield)}
+    return replace(experiment, shield=shield)
+
+
 def checked(experiment: Experiment) -> Experiment:
     """The experiment with every setting spelled out, after one step of the env of every arm.
 
     Raises:
         ValueError, TypeError: naming what of the experiment does not fit.
     """
+    for arm in experiment.arms:
+        one_of("each of arms", arm, OF_RUNS)
     hyperparams = {
         "n_envs": 1,
         **default_hyperparams(experiment.env, experiment.algo),
         **experiment.hyperparams,
     }
     positive_integer("n_envs", hyperparams["n_envs"])
-    # What is left out the plant gives, to every arm its own.
-    shield = {"method": "sampled", "inner_loop": "proved", **plain_settings(experiment.shield)}
-    spelled = replace(experiment, shield=shield, hyperparams=hyperparams)
+    spelled = replace(spelled_shield(experiment), hyperparams=hyperparams)
     for arm in experiment.arms:
         for is_shielded in (False, True):
             env = make_vector_env(of_arm(spelled, ARMS[arm]), 1, is_shielded)

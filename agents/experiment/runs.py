@@ -70,6 +70,20 @@ class Run:
             raise FileNotFoundError(f"run must hold a trained policy, got none in {self.folder}")
         return found
 
+    def chosen_training(self, arm: str | None, seed: int | None) -> tuple[str, int]:
+        """Arm and seed of a trained policy: None for the last arm that was trained, and for its first seed.
+
+        Raises:
+            FileNotFoundError: if there is no such policy.
+        """
+        trained = self.trained()
+        arm = trained[-1][0] if arm is None else arm
+        seed = next((s for a, s in trained if a == arm), 0) if seed is None else seed
+        if (arm, seed) not in trained:
+            known = jobs_in_words(trained)
+            raise FileNotFoundError(f"arm and seed must be of {known} in {self.folder}, got {arm} {seed}")
+        return arm, seed
+
     @property
     def stop_file(self) -> Path:
         """While this file is there, trainings save and end, wherever they run."""

@@ -19,15 +19,45 @@ from agents.tracking import Tracker
 
 # Training scenes start below this integer; see agents.learn.algorithms.
 FIRST_HELD_OUT = 2**63
+ACTIONS = 4  # numbers of an action, whatever the interface
 FLIGHT = np.dtype([("shield", "?"), ("scene", "u8"), *EPISODE.descr])
 
 
 class Agent(Protocol):
     """What flies: a policy of Stable-Baselines3, or anything with its ``predict``."""
 
-    def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, object]:
-        """Actions (N, 4) for observations (N, …), and a state that is not used."""
+    def predict(
+        self, observation: NDArray, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[NDArray, Any]:
+        """Actions (N, 4) for observations (N, …), and the state to come back with at the next step."""
         ...
+
+
+class Pilot:
+    """An agent on one flight of N rows: it gets back the state that it gave, as a recurrent policy needs it.
+
+    Args:
+        agent: who flies, deterministically.
+    """
+
+    def __init__(self, agent: Agent):
+        self._agent, self._state, self._is_first = agent, None, True
+
+    def act(self, observations: NDArray) -> NDArray:
+        """Actions (N, 4) for observations (N, …) of the next step.
+
+        Raises:
+            ValueError: for actions of another shape.
+        """
+        n = len(observations)
+        starts, self._is_first = np.full(n, self._is_first), False
+        actions, self._state = self._agent.predict(
+            observations, state=self._state, episode_start=starts, deterministic=True
+        )
+        if np.shape(actions) != (n, ACTIONS):
+            shapes = f"({n}, {ACTIONS}) for {n} observations, got {np.shape(actions)}"
+            raise ValueError(f"policy must give actions of shape {shapes}")
+        return actions
 
 
 class RandomActions:
@@ -36,7 +66,9 @@ class RandomActions:
     def __init__(self, seed: int):
         self._rng = np.random.default_rng(seed)
 
-    def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, None]:
+    def predict(
+        self, observation: NDArray, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[NDArray, None]:
         """Actions (N, 4) in [−1, 1]."""
         return self._rng.uniform(-1.0, 1.0, (len(observation), 4)).astype(np.float32), None
 
@@ -47,7 +79,13 @@ def held_out_scenes(n: int) -> list[int]:
 
 
 def agent_of(run: Run, arm: str, seed: int, env: VectorEnv) -> Agent:
-    """Who flies for an arm, on this env."""
+    """Who flies for an arm, on this env.
+
+    Raises:
+        ValueError: for a policy that was given to an evaluation: a run has its flights only.
+    """
+    if ARMS[arm].agent == "given":
+        raise ValueError(f"run must have trained its agents, got the flights of a given policy in {run.folder}")
     if ARMS[arm].agent == "tracker":
         return _Planned(env)
     return RandomActions(seed) if ARMS[arm].agent == "random" else load_policy(run, arm, seed)
@@ -59,9 +97,9 @@ def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]
     counter = EpisodeCounter(env.num_envs, 1.0 / env.metadata["render_fps"])
     counter.start(observations)
     episodes, is_open = np.zeros(env.num_envs, EPISODE), np.ones(env.num_envs, dtype=np.bool_)
+    pilot = Pilot(agent)
     while is_open.any():
-        actions, _ = agent.predict(observations, deterministic=True)
-        observations, rewards, terminated, truncated, info = env.step(actions)
+        observations, rewards, terminated, truncated, info = env.step(pilot.act(observations))
         finished = counter.add(observations, rewards, terminated, truncated, info)
         ended = terminated | truncated
         episodes[is_open & ended] = finished[is_open[ended]]
@@ -71,10 +109,20 @@ def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]
 
 def evaluate(run: Run, arm: str, seed: int, eval_episodes: int) -> None:
     """Fly one arm with one seed on held-out scenes, shield off and on, into its flights.csv."""
-    scenes, rows = held_out_scenes(eval_episodes), []
+    scenes, flights = held_out_scenes(eval_episodes), []
     for is_shielded in (False, True):
         env = make_vector_env(of_arm(run.experiment, ARMS[arm]), len(scenes), is_shielded)
-        episodes: list[Any] = fly(agent_of(run, arm, seed, env), env, scenes).tolist()
+        flights.append(fly(agent_of(run, arm, seed, env), env, scenes))
+    write_flights(run, arm, seed, scenes, *flights)
+
+
+def write_flights(
+    run: Run, arm: str, seed: int, scenes: Sequence[int], without: NDArray[np.void], shielded: NDArray[np.void]
+) -> None:
+    """The flights.csv of one arm with one seed: episodes of the same scenes, without and with the shield."""
+    rows = []
+    for is_shielded, flown in ((False, without), (True, shielded)):
+        episodes: list[Any] = flown.tolist()
         rows += [[is_shielded, k, *episode] for k, episode in zip(scenes, episodes, strict=True)]
     write_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT.names or (), rows)
 
@@ -104,7 +152,9 @@ class _Planned:
     def __init__(self, env: VectorEnv):
         self._env, self._tracker = env, None
 
-    def predict(self, observation: NDArray, *, deterministic: bool) -> tuple[NDArray, None]:
+    def predict(
+        self, observation: NDArray, state: Any = None, episode_start: Any = None, deterministic: bool = False
+    ) -> tuple[NDArray, None]:
         """Actions (N, 4) of the tracker."""
         self._tracker = self._tracker or Tracker(self._env)
-        return self._tracker.predict(observation, deterministic=deterministic)[0], None
+        return self._tracker.predict(observation)[0], None

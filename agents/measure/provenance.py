@@ -14,9 +14,14 @@ from agents.measure.evaluate import held_out_scenes
 PACKAGES = ("quadsafe", "gymnasium", "stable-baselines3", "torch", "numpy", "scipy", "numba")
 
 
-def provenance(experiment: Experiment) -> dict[str, Any]:
-    """What to keep beside a config to tell two runs apart, for ``provenance.yml``."""
-    scenes = held_out_scenes(experiment.eval_episodes)
+def provenance(experiment: Experiment, scenes: list[int] | None = None) -> dict[str, Any]:
+    """What to keep beside a config to tell two runs apart, for ``provenance.yml``.
+
+    Args:
+        experiment: of the run.
+        scenes: what is flown; None for the first held-out scenes.
+    """
+    scenes = held_out_scenes(experiment.eval_episodes) if scenes is None else scenes
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),

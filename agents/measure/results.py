@@ -71,6 +71,12 @@ def summary(episodes: NDArray[np.void]) -> Row:
     }
 
 
+def flight_row(arm: str, seed: int, is_shielded: bool, episodes: NDArray[np.void]) -> Row:
+    """The row of one agent's held-out flights, of one seed, without or with the shield."""
+    flown = "on" if is_shielded else "off"
+    return {"phase": "evaluation", "arm": arm, "flown": flown, "seed": seed, **summary(episodes)}
+
+
 def seed_rows(run: Run) -> list[Row]:
     """One row for each training and each agent flown off and on, seed by seed."""
     return [row for arm in run.experiment.arms for of in (_trained, _flown) for row in of(run, arm)]
@@ -139,13 +145,7 @@ def _trained(run: Run, arm: str) -> list[Row]:
 
 def _flown(run: Run, arm: str) -> list[Row]:
     return [
-        {
-            "phase": "evaluation",
-            "arm": arm,
-            "flown": "on" if is_shielded else "off",
-            "seed": seed,
-            **summary(flights(run, arm, seed, is_shielded)),
-        }
+        flight_row(arm, seed, is_shielded, flights(run, arm, seed, is_shielded))
         for is_shielded in (False, True)
         for seed in _seeds(run, arm, run.is_done)
     ]

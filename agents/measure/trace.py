@@ -13,7 +13,7 @@ from agents.experiment.arms import ARMS
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.files import read_csv, read_json, write_csv, write_json
 from agents.experiment.runs import Run
-from agents.measure.evaluate import FLIGHT, agent_of
+from agents.measure.evaluate import FLIGHT, Agent, Pilot, agent_of
 from shields.slot.info import shield_in
 
 AXES = "xyz"
@@ -52,10 +52,14 @@ def vectors(steps: NDArray[np.void], name: str) -> NDArray[np.float64]:
     return np.stack([steps[f"{name}_{axis}"] for axis in AXES], axis=-1)
 
 
-def write_trace(run: Run) -> None:
+def write_trace(run: Run, given: Agent | None = None) -> None:
     """Choose a scene from the flights of a run, fly it without and with the shield, and write both files.
 
     Nothing is written of a run without flights.
+
+    Args:
+        run: the run.
+        given: who flies where the run has the flights of a given policy.
     """
     found = chosen_scene(run)
     if found is None:
@@ -66,11 +70,10 @@ def write_trace(run: Run) -> None:
         env = make_env(of_arm(run.experiment, ARMS[arm]), is_shielded)
         observation, _ = env.reset(options={"scene": scene})
         facts = _scene(env)
-        agent, is_over, time = agent_of(run, arm, seed, env), False, 0.0
+        pilot, is_over, time = Pilot(given or agent_of(run, arm, seed, env)), False, 0.0
         while not is_over:
             position = env.unwrapped.flat_state()[0].tolist()
-            action, _ = agent.predict(observation[None], deterministic=True)
-            observation, _, terminated, truncated, info = env.step(action[0])
+            observation, _, terminated, truncated, info = env.step(pilot.act(observation[None])[0])
             shield = shield_in(info)
             snaps = NO_SNAPS if shield is None else (*shield["snap_desired"], *shield["snap_applied"])
             intervened = shield is not None and shield["intervened"]

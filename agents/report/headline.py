@@ -4,6 +4,7 @@ A zero comes with its exact bound. Two rates differ only if their exact bounds a
 their paired difference, where there is one, leaves out zero.
 """
 
+from agents.experiment.arms import GIVEN
 from agents.measure.results import Row
 from agents.report.rates import in_words
 
@@ -24,6 +25,7 @@ def headline(rows: list[Row]) -> list[tuple[str, str]]:
     found = {(row["phase"], row["arm"], row["flown"]): row for row in rows if row["episodes"]}
     parts = [
         ("In training", _training(found)),
+        ("The given policy", _given(found)),
         ("What the shield buys", _bought(found)),
         ("Shield at deployment only", _deployed(found)),
         ("What the shield costs", _costs(found)),
@@ -108,6 +110,14 @@ def _bought(found: Rows) -> str:
     return _pair("The policy trained and flown with the shield", row, "the one trained and flown without", bare)
 
 
+def _given(found: Rows) -> str:
+    row, bare = (found.get(("evaluation", GIVEN, flown)) for flown in ("on", "off"))
+    if row is None:
+        return ""
+    acts = f"The shield acts in {_share(row)} of its steps."
+    return f"{_pair('Flown with the shield, it', row, 'flown without', bare)} {acts}"
+
+
 def _deployed(found: Rows) -> str:
     late, bare = found.get(("evaluation", "none", "on")), found.get(("evaluation", "none", "off"))
     if late is None:
@@ -176,7 +186,7 @@ def _taken_away(found: Rows) -> str:
 
 
 def _others(found: Rows) -> str:
-    known = ("none", "shield")
+    known = ("none", "shield", GIVEN)
     arms = dict.fromkeys(arm for phase, arm, _ in found if phase == "evaluation" and arm not in known)
     words = [f"{FLIERS.get(arm) or f'trained {WAYS.get(arm, arm)}'}, {_both_ways(found, arm)}" for arm in arms]
     return "Collisions without and with the shield: " + "; ".join(words) + "." if words else ""
@@ -191,6 +201,8 @@ def _caution(rows: list[Row]) -> str:
     seeds = max((row["seeds"] for row in rows if row["episodes"]), default=FEW_SEEDS)
     if seeds >= FEW_SEEDS:
         return ""
+    if seeds == 1 and any(row["arm"] == GIVEN for row in rows):
+        return "One policy. Intervals are exact for its flights, and say nothing about others trained alike."
     if seeds == 1:
         return "One seed. Intervals are exact for its episodes, and say nothing about other seeds."
     return (

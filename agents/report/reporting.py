@@ -42,7 +42,7 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
     }
     return html_page(
         title=f"{experiment.env}, without and with the shield",
-        subtitle=tables.subject(run),
+        subtitle=tables.subject(experiment),
         headline=headline(rows),
         tables={
             title: table(chosen)

@@ -1,5 +1,7 @@
 """The comparison as a text of 100 columns."""
 
+from agents.experiment.arms import GIVEN
+from agents.experiment.config import Experiment
 from agents.experiment.runs import Run
 from agents.measure.results import Row
 from agents.report.rates import percentage
@@ -16,24 +18,29 @@ CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
 def report_text(run: Run, rows: list[Row]) -> str:
     """The tables of training and evaluation."""
     experiment = run.experiment
-    parts = [f"{experiment.env}, {subject(run)}, in {run.folder}"]
+    parts = [f"{experiment.env}, {subject(experiment)}, in {run.folder}"]
     training = [row for row in rows if row["phase"] == "training"]
     evaluation = [row for row in rows if row["phase"] == "evaluation"]
     if training:
         title = f"Training, {experiment.n_timesteps:,} steps a seed"
         parts.append(f"{title}\n{aligned(training_table(training))}")
     if evaluation:
-        scenes = max(row["episodes"] // row["seeds"] for row in evaluation)
-        title = f"Evaluation: every agent on the same {scenes:,} held-out scenes, without and with shield"
-        parts.append(f"{title}\n{aligned(evaluation_table(evaluation))}")
+        parts.append(_evaluation(evaluation))
     return "\n\n".join([*parts, NOTE]) + "\n"
 
 
-def subject(run: Run) -> str:
+def given_text(experiment: Experiment, rows: list[Row]) -> str:
+    """The table of a given policy that has no run folder."""
+    return "\n\n".join([f"{experiment.env}, {subject(experiment)}", _evaluation(rows), NOTE]) + "\n"
+
+
+def subject(experiment: Experiment) -> str:
     """What was compared, in a few words."""
-    seeds = run.experiment.seeds
+    if experiment.arms == (GIVEN,):
+        return f"{experiment.action} commands, a given policy"
+    seeds = experiment.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
-    return f"{run.experiment.action} commands, {run.experiment.algo}, {which}"
+    return f"{experiment.action} commands, {experiment.algo}, {which}"
 
 
 def aligned(rows: list[list[str]]) -> str:
@@ -56,6 +63,12 @@ def evaluation_table(rows: list[Row]) -> list[list[str]]:
     """Cells of the held-out flights, under their heads."""
     body = [[row["title"], "shield" if row["flown"] == "on" else "no shield", *_cells(row)] for row in rows]
     return [["trained with", "flown with", *CELLS], *body]
+
+
+def _evaluation(rows: list[Row]) -> str:
+    scenes = max(row["episodes"] // row["seeds"] for row in rows)
+    title = f"Evaluation: every agent on the same {scenes:,} held-out scenes, without and with shield"
+    return f"{title}\n{aligned(evaluation_table(rows))}"
 
 
 def _cells(row: Row) -> list[str]:

@@ -1,8 +1,9 @@
-"""Videos: `.mp4` through the system's ffmpeg, `.webp` and `.gif` with Pillow."""
+"""Videos: `.mp4` through ffmpeg, the system's or that of a package, `.webp` and `.gif` with Pillow."""
 
 import shutil
 import subprocess
 from collections.abc import Iterable
+from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
 
@@ -23,10 +24,21 @@ def check_video(path: Path) -> None:
         FileNotFoundError: for ``.mp4`` without ffmpeg.
     """
     one_of("the ending of video", path.suffix.lower(), KINDS)
-    if path.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+    if path.suffix.lower() == ".mp4" and ffmpeg() is None:
         raise FileNotFoundError(
-            f"video must end in .webp or .gif where ffmpeg is not installed, got {str(path)!r}"
+            'video must end in .webp or .gif where there is no ffmpeg (pip install "quadsafe[video]"), '
+            f"got {str(path)!r}"
         )
+
+
+def ffmpeg() -> str | None:
+    """The program: the system's, else that of the package imageio-ffmpeg, else None."""
+    found = shutil.which("ffmpeg")
+    if found is None and find_spec("imageio_ffmpeg") is not None:
+        import imageio_ffmpeg
+
+        return imageio_ffmpeg.get_ffmpeg_exe()
+    return found
 
 
 def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> int:
@@ -60,7 +72,7 @@ def _write_mp4(path: Path, frames: Iterable[NDArray[np.uint8]], fps: float) -> i
     frames = iter(frames)
     first = next(frames)
     height, width, _ = first.shape
-    command = ["ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
+    command = [ffmpeg() or "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
     command += ["-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-pix_fmt", "yuv420p", str(temporary)]
     try:
         with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -10,7 +10,7 @@ from tqdm import tqdm
 from agents.experiment.arms import ARMS
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.runs import Run, jobs_in_words
-from agents.measure.evaluate import Agent, agent_of, held_out_scenes
+from agents.measure.evaluate import Agent, Pilot, agent_of, held_out_scenes
 from agents.measure.trace import chosen_scene
 from agents.report.video import check_video, write_video
 from quadsafe_env.settings import scene_integer
@@ -41,10 +41,9 @@ class Flight:
         """Fly; what ``render()`` gives at the start and after every step."""
         observation, _ = self._env.reset(options={"scene": self._scene})
         yield self._env.render()
-        is_over = False
+        pilot, is_over = Pilot(self._agent), False
         while not is_over:
-            action, _ = self._agent.predict(observation[None], deterministic=True)
-            observation, _, terminated, truncated, info = self._env.step(action[0])
+            observation, _, terminated, truncated, info = self._env.step(pilot.act(observation[None])[0])
             is_over = terminated or truncated
             self._count(info, is_over)
             yield self._env.render()
@@ -84,7 +83,7 @@ def watch(
         video: file to write, ``.mp4``, ``.webp`` or ``.gif``.
 
     Returns:
-        How the flight went, and where the video is.
+        Who flew, how the flight went, and where the video is.
 
     Raises:
         ValueError, OSError: for an arm, seed or scene that there is not, or a video that cannot be written.
@@ -109,7 +108,8 @@ def watch(
             write_video(video, frames, env.metadata["render_fps"])
     finally:
         env.close()
-    return flight.sentence() + ("" if video is None else f" Video: {video}")
+    who = f"Arm {arm}, seed {seed}. {flight.sentence()}"
+    return who + ("" if video is None else f" Video: {video}")
 
 
 def chosen_flight(run: Run, arm: str | None, seed: int | None, scene: int | None) -> tuple[str, int, int]:

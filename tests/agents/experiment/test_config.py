@@ -71,7 +71,7 @@ def test_the_command_line_spells_an_experiment():
 
 
 def test_the_command_line_spells_an_evaluation():
-    assert parse(["evaluate", "logs/a", "--eval-episodes", "5"]) == Evaluate(Path("logs/a"), 5)
+    assert parse(["evaluate", "logs/a", "--eval-episodes", "5"]) == Evaluate("logs/a", 5)
     assert parse(["report", "logs/a"]) == Report(Path("logs/a"))
 
 

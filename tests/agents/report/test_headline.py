@@ -143,3 +143,15 @@ def test_a_trimmed_mean_of_zero_is_not_told_as_no_violation():
 def test_bounds_are_rounded_away_from_what_was_seen():
     assert (at_most(0.001141), at_most(0.0199), at_most(0.02)) == ("0.12", "2.0", "2.0")
     assert (at_least(0.99886), at_least(0.9809)) == ("99.88", "98.0")
+
+
+def test_a_given_policy_is_told_by_its_own_two_ways():
+    bare, shielded = row("policy", "off", 40, 50, 100), row("policy", "on", 0, 97, 100, intervention_rate=0.1)
+    words = told(bare, shielded)
+    assert set(words) == {"The given policy", "How sure"}
+    assert words["The given policy"].startswith(
+        "Flown with the shield, it collided in 0 of 100 held-out flights (at most 3.0 %), flown without in "
+        "40 of 100 (40.0 %, 30.3 to 50.3): 40.0 points fewer. "
+    )
+    assert words["The given policy"].endswith("The shield acts in 10.0 % of its steps.")
+    assert words["How sure"].startswith("One policy.")

@@ -44,7 +44,11 @@ def test_the_video_has_the_flight_of_the_trace(run, ending, tmp_path, capsys):
     who = ["--arm", told["arm"], "--seed", str(told["seed"]), "--scene", str(told["scene"])]
     assert train.main(["watch", str(run.folder), *who, "--no-shield", "--video", str(path)]) == 0
     said = capsys.readouterr().out
-    assert f"Scene {told['scene']}: " in said and f"after {len(steps)} steps" in said and str(path) in said
+    assert (
+        f"Arm {told['arm']}, seed {told['seed']}. Scene {told['scene']}: " in said
+        and f"after {len(steps)} steps" in said
+        and str(path) in said
+    )
     assert f"least clearance {steps['clearance'].min():.3f} m, no shield" in said
     with Image.open(path) as image:
         assert (image.size, image.n_frames) == ((480, 480), len(steps) + 1)
@@ -98,9 +102,9 @@ def test_what_cannot_be_watched_is_said_in_a_sentence(run, words, sentence, caps
 
 def test_the_agents_of_a_large_run_are_told_in_few_words():
     jobs = Experiment(arms=tuple(ARMS), n_seeds=10).jobs()
-    assert len(jobs) == 61
+    assert len(jobs) == 62
     trained = "none, collision-penalty, shield, shield-penalty, cbf, random with seeds 0 to 9"
-    assert runs.jobs_in_words(jobs) == f"{trained}; tracker with seed 0"
+    assert runs.jobs_in_words(jobs) == f"{trained}; tracker, policy with seed 0"
     assert runs.jobs_in_words([("none", 7), ("none", 2), ("none", 3)]) == "none with seeds 2 to 3, 7"
 
 
@@ -134,9 +138,9 @@ def test_mp4_that_fails_says_why_and_leaves_nothing(tmp_path, monkeypatch):
 
 
 def test_mp4_without_ffmpeg(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(video, "ffmpeg", lambda: None)
     with pytest.raises(
-        FileNotFoundError, match=r"^video must end in .webp or .gif where ffmpeg is not installed"
+        FileNotFoundError, match=r"^video must end in .webp or .gif where there is no ffmpeg \(pip install"
     ):
         video.check_video(tmp_path / "flight.mp4")
 

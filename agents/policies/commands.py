@@ -1,0 +1,42 @@
+"""What ``train.py`` does with policies: evaluates one by its name, and writes one of a run."""
+
+from pathlib import Path
+
+import torch
+
+from agents.experiment.arms import GIVEN
+from agents.experiment.command_line import Evaluate, Export
+from agents.experiment.config import Experiment
+from agents.experiment.environments import spelled_shield
+from agents.experiment.runs import open_run
+from agents.learn.algorithms import load_policy
+from agents.measure.evaluate import held_out_scenes
+from agents.policies.evaluation import Evaluation, evaluate_in
+from agents.policies.export import DEFAULT_NAMES, export_policy
+
+
+def evaluate_named(command: Evaluate) -> Evaluation:
+    """Fly the policy that a command names, and report it in a new run folder.
+
+    Raises:
+        ValueError, TypeError, OSError: naming what of the command does not fit.
+    """
+    torch.set_num_threads(command.num_threads)
+    asked = command.of_a_policy
+    log_folder = asked.pop("log_folder", Path("logs"))
+    n = Experiment.eval_episodes if command.eval_episodes is None else command.eval_episodes
+    experiment = spelled_shield(Experiment(arms=(GIVEN,), eval_episodes=n, **asked))
+    return evaluate_in(command.run, experiment, held_out_scenes(n), log_folder)
+
+
+def export_of_run(command: Export) -> str:
+    """Write the policy of a run; says where it is, and how it was checked.
+
+    Raises:
+        ValueError, OSError: naming what does not fit.
+    """
+    run = open_run(command.run)
+    arm, seed = run.chosen_training(command.arm, command.seed)
+    path = command.output or run.folder_of(arm, seed) / DEFAULT_NAMES[command.format]
+    told = export_policy(load_policy(run, arm, seed), path, command.format)
+    return f"Arm {arm}, seed {seed}. {told}"
