@@ -124,8 +124,8 @@ def main() -> None:
         vector(n, budget)
     for n in (1, 1024):
         vector(n, budget, ", real conditions", conditions="randomised")
-        vector(n, budget, ", ten spheres", obstacles=ten(("sphere",)))
-        vector(n, budget, ", ten mixed bodies", obstacles=ten(KINDS))
+        vector(n, budget, ", ten spheres", obstacles=ten(("sphere",)), blocked=0.0)
+        vector(n, budget, ", ten mixed bodies", obstacles=ten(KINDS), blocked=0.0)
     single("", budget)
     single(", disable_env_checker=True", budget, disable_env_checker=True)
 

@@ -53,6 +53,7 @@ def room(size: int) -> Any:
         "QuadSafe/Avoid-v0",
         obstacles=obstacles(),
         bounds=(LOW, HIGH),
+        blocked=0.0,  # a scene is chosen by hand
         render_mode="rgb_array",
         render_size=size,
         camera={"azimuth": -118.0, "elevation": 24.0, "distance": 13.5},

@@ -70,8 +70,11 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     half-spaces (``quadsafe_core.shapes``), at rest or at a constant velocity, which moves them in every physics
     step from the beginning of the episode on. `bounds=(low, high)` are six walls more. The vehicle is a ball of
     radius `params.radius` about r; start and goal are redrawn until they are 0.15 m clear of what was given,
-    where it is at the beginning. The property `obstacles` is what there is now, a copy: iterating gives the
-    shapes; `keep_out` is the vehicle's radius, which `radius` holds.
+    where it is at the beginning. Among `obstacles=` the straight way between them is blocked in at least the
+    share `blocked=` of scenes, by default half, or a warning tells the share found; `start=` and `goal=` are
+    points, boxes or lists in place of the task's own. `is_blocked` says how it is in this scene. The property
+    `obstacles` is what there is now, a copy: iterating gives the shapes; `keep_out` is the vehicle's radius,
+    which `radius` holds.
 
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
@@ -203,6 +206,11 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def goal(self) -> NDArray[np.float64]:
         """The goal (3,), m, a copy."""
         return self._world.scenes.goal[0].copy()
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether the straight way from start to goal is blocked, see ``quadsafe_env.tasks.ends``."""
+        return bool(self._world.blocked_ways()[0])
 
     @property
     def way(self) -> NDArray[np.float64]:

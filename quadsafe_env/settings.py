@@ -14,7 +14,7 @@ from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.camera import camera_from, picture_size
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
-from quadsafe_env.scene_settings import furnished
+from quadsafe_env.scene_settings import furnished, mapped, within
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
@@ -66,6 +66,9 @@ def build_world(
     params="crazyflie",
     obstacles: Sequence[Any] | None = None,
     bounds: Sequence[Sequence[float]] | None = None,
+    start: Any = None,
+    goal: Any = None,
+    blocked: float | None = None,
     policy_hz: int = 25,
     control_hz: int = 100,
     physics_hz: int = 500,
@@ -92,6 +95,11 @@ def build_world(
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
             one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.
         bounds: a box to keep in, [low, high], (3,) each, m: six walls beside the obstacles, given or drawn.
+        start: where flights begin among given obstacles, in place of the task's own starts: a point (3,), a box
+            [low, high] to draw from, m, a list of boxes, or of one, three or more points, to choose from.
+        goal: where they are to fly, likewise; lists of starts and goals of one length are pairs.
+        blocked: among given obstacles, the least share of scenes whose straight way from start to goal is
+            blocked (``quadsafe_env.tasks.ends``); 0.5 unless given, 0 takes starts and goals as they come.
         policy_hz: rate of ``step``, Hz.
         control_hz: rate of the filter slot, Hz; a multiple of policy_hz.
         physics_hz: rate of the inner loop and of RK4, Hz; a multiple of control_hz.
@@ -114,10 +122,13 @@ def build_world(
 
     Raises:
         ValueError, TypeError: naming the keyword, what was expected and what came.
+
+    Warns:
+        UserWarning: with the share found, if the straight way cannot be blocked in the share asked for.
     """
     vehicle = fitting(params_from(params))
     draws = obstacles is None
-    given = [] if obstacles is None else shapes_from(obstacles)
+    given = None if obstacles is None else shapes_from(obstacles)
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
     furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
@@ -126,9 +137,12 @@ def build_world(
         _check_room(drawn, vehicle)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
+    if bounds is not None:
+        drawn = within(drawn, *np.asarray(bounds, dtype=np.float64))
+    drawn = mapped(drawn, given, walls, vehicle.radius, start=start, goal=goal, blocked=blocked)
     kept: dict[str, Any] = {
         "action": action,
-        "obstacles": Obstacles.pack([*given, *walls], keep_out=vehicle.radius),
+        "obstacles": Obstacles.pack([*(given or []), *walls], keep_out=vehicle.radius),
         "draws": draws,
         "rates": Rates(
             positive_integer("policy_hz", policy_hz),

@@ -203,6 +203,11 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         return self._world.scenes.goal.copy()
 
     @property
+    def is_blocked(self) -> NDArray[np.bool_]:
+        """Whether the straight way of each row is blocked, (N,), see ``quadsafe_env.tasks.ends``."""
+        return self._world.blocked_ways()
+
+    @property
     def obstacles(self) -> Obstacles:
         """What there is as it stands now, packed in a copy; iterating gives a list of shapes for each row."""
         return copied(self._world.obstacles)

@@ -116,6 +116,7 @@ class AmongStage(Stage):
             n,
             action=setting.action,
             obstacles=shapes,
+            blocked=0.0,
             terminate_on_violation=False,
             max_episode_steps=NO_LIMIT,
             **rates(setting.rate),

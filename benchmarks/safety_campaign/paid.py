@@ -23,6 +23,7 @@ def experiment(action: str, steps: int, seed: int) -> Experiment:
     """A sphere of 1 m, approached from random starts."""
     env_kwargs = {
         "obstacles": [[*CENTER, RADIUS - VEHICLE_RADIUS]],
+        "blocked": 0.0,
         "terminate_on_violation": False,
         "max_episode_steps": 6 * TRAINING_RATE,
         **rates(TRAINING_RATE),

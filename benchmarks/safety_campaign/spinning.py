@@ -135,6 +135,7 @@ class SpinStage(Stage):
         sphere = [[*self.center.tolist(), setting.radius - vehicle.radius]] if setting.radius else None
         return {
             "obstacles": sphere,
+            "blocked": None if sphere is None else 0.0,
             "params": vehicle,
             "conditions": MET[setting.conditions].conditions,
             "policy_hz": setting.policy,

@@ -74,7 +74,7 @@ class Stage:
     def world(self) -> dict[str, Any]:
         """The sphere and the rates, as keywords of ``make_vec``."""
         sphere = [*self.center.tolist(), self.setting.radius - VEHICLE_RADIUS]
-        return {"obstacles": [sphere], **rates(self.setting.rate)}
+        return {"obstacles": [sphere], "blocked": 0.0, **rates(self.setting.rate)}
 
     def shield(self) -> dict[str, Any]:
         """More settings of the shield."""

@@ -269,6 +269,12 @@ class World:
             self._plant, self._rotors, closes, self._memory, self._scene_memory, snap, observations
         )
 
+    def blocked_ways(self) -> NDArray[np.bool_]:
+        """Whether the straight way of each row's scene is blocked (N,), see ``quadsafe_env.tasks.ends``."""
+        flags = np.zeros(self.n, dtype=np.bool_)
+        self._source.flag_blocked(np.arange(self.n), self._scene_memory, flags)
+        return flags
+
     def picture(self, row: int) -> NDArray[np.uint8] | None:
         """No picture: this world is not looked at."""
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.borrow import borrowed, taken
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import norm, subtract
 from quadsafe_core.shapes.cores import CORE, NUMBERS, SPHERE, cores_of
 from quadsafe_core.shapes.distance import signed_distance
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
@@ -135,15 +136,13 @@ def least_gap(bodies, row, r):
 
 
 @kernel
-def crowded_among(rows, scene_memory, memory, free, out):
-    """Flag the rows whose start or goal is not clear of the bodies by the free space, m."""
+def crowded_among(rows, scene_memory, memory, least, out):
+    """Flag the rows whose start or goal is nearer than ``least``, m, to the bodies and to the other."""
     bodies, scenes = bodies_in(scene_memory, memory), columns_in(scene_memory)
     for i in rows:
-        at_start, at_goal = (
-            least_gap(bodies, i, point(scenes.start, i)),
-            least_gap(bodies, i, point(scenes.goal, i)),
-        )
-        out[i] = min(at_start, at_goal) < free
+        start, goal, (free, way) = point(scenes.start, i), point(scenes.goal, i), least
+        gap = min(least_gap(bodies, i, start), least_gap(bodies, i, goal))
+        out[i] = gap < free or norm(subtract(goal, start)) < way
 
 
 def _before_cores(n: int, k: int, openings: int) -> int:

@@ -16,6 +16,8 @@ from quadsafe_env.tasks.scene_columns import columns_in, point, scenes_of, write
 
 # Starts and goals keep this distance from every keep-out sphere.
 FREE_SPACE = 0.15  # m
+# From each other starts and goals are at least so far.
+LEAST_WAY = 0.5  # m
 TRIES = 64
 # Random numbers of one attempt at the endpoints; the spheres draw from a far part of the stream.
 STRIDE = 8
@@ -130,7 +132,7 @@ def forest_spheres_batch(words, rows, sizes, memory):
 
 @kernel
 def crowded_rows(rows, memory, out):
-    """Flag the rows whose start or goal is not clear of the spheres by the free space."""
+    """Flag the rows whose start or goal is not clear of the spheres by the free space, or near the other."""
     scenes = columns_in(memory)
     n, k = memory.shape[1], scenes.sphere_count
     centers, radii = scenes.center.reshape((n, k, 3)), scenes.radius.reshape((n, k))
@@ -138,7 +140,7 @@ def crowded_rows(rows, memory, out):
         (x, y, z), (to_x, to_y, to_z) = point(scenes.start, i), point(scenes.goal, i)
         at_start = clearance(x, y, z, centers[i], radii[i])
         at_goal = clearance(to_x, to_y, to_z, centers[i], radii[i])
-        out[i] = min(at_start, at_goal) < FREE_SPACE
+        out[i] = min(at_start, at_goal) < FREE_SPACE or distance_to(x, y, z, (to_x, to_y, to_z)) < LEAST_WAY
 
 
 @dataclass(frozen=True)
@@ -156,6 +158,7 @@ class Task:
     | `layout`           | of the entries: "spheres" or "surfaces" (``tasks.reward``)              |
     | `is_mixed`         | whether bodies of other kinds than spheres are drawn                    |
     | `opening_count`    | places for openings that are passed in order before the goal counts     |
+    | `blocked`          | among given bodies, least share of scenes with a blocked straight way   |
     """
 
     body_count: int
@@ -168,6 +171,7 @@ class Task:
     layout: str = "spheres"
     is_mixed: bool = False
     opening_count: int = 0
+    blocked: float = 0.0
 
     def endpoints(self, words, rows, attempt, memory):
         """Draw start and goal of the given rows; another attempt draws others where a task has any.

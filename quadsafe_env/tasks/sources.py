@@ -1,22 +1,26 @@
 """Where the scenes of a world come from: what its task draws, and what the user has given.
 
-Start and goal are redrawn until they are clear of what was given.
+Start and goal are redrawn until they are clear of what was given, and blocked as often as the task says.
 """
 
-from collections.abc import Callable
+import warnings
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import CORE, SPHERE, Cores, cores_of
+from quadsafe_env.tasks.ends import Flags, Rows, blocked_among, blocked_rows, draw_ends, flag_wanted
 from quadsafe_env.tasks.scene_bodies import SceneBodies, body_memory, crowded_among, scene_bodies_of
 from quadsafe_env.tasks.scene_columns import Scenes, scene_memory, scenes_of
-from quadsafe_env.tasks.scenes import FREE_SPACE, TRIES, Sizes, Task, crowded_rows
+from quadsafe_env.tasks.scenes import FREE_SPACE, LEAST_WAY, Sizes, Task, crowded_rows
 
-Rows = NDArray[np.intp]
 NO_NUMBERS = np.zeros(1)
+# Scenes that a map is tried in, and by how much of what was asked for their share of blocked ones may be low.
+TRIED, MISSED = 128, 0.1
 
 
 class SceneSource(Protocol):
@@ -39,12 +43,20 @@ class SceneSource(Protocol):
         """
         ...
 
+    def flag_blocked(self, rows: Rows, memory: NDArray[np.float64], out: Flags) -> None:
+        """Write into (N,) whether the straight way of the given rows is blocked, see ``tasks.ends``."""
+        ...
+
 
 class SphereSource:
     """Scenes of spheres at rest."""
 
     bodies: NDArray[np.uint8] | None = None
     is_mixed = moves = False
+
+    def flag_blocked(self, rows, memory, out):
+        """See ``blocked_rows``."""
+        blocked_rows(rows, memory, out)
 
 
 class DrawnSpheres(SphereSource):
@@ -71,7 +83,14 @@ class GivenSpheres(SphereSource):
         """See ``SceneSource.draw``."""
         scenes = scenes_of(memory)
         scenes.center[rows], scenes.radius[rows] = self._given.center, self._given.radius
-        draw_clear(self._task, words, rows, memory, lambda rows, out: crowded_rows(rows, memory, out))
+        draw_ends(
+            self._task,
+            words,
+            rows,
+            memory,
+            lambda rows, out: crowded_rows(rows, memory, out),
+            lambda rows, out: blocked_rows(rows, memory, out),
+        )
 
 
 class MixedScenes:
@@ -110,10 +129,22 @@ class MixedScenes:
         scenes.radius[rows, self._count :] = self._given.radius
         # The bodies of another scene are in nobody's way.
         parts.core[rows, : self._count] = np.zeros((), dtype=CORE)
-        draw_clear(self._task, words, rows, memory, self._crowds(memory))
+        parts.home[rows] = scenes.center[rows]
+        draw_ends(
+            self._task,
+            words,
+            rows,
+            memory,
+            lambda rows, out: crowded_among(rows, memory, self.bodies, (FREE_SPACE, LEAST_WAY), out),
+            lambda rows, out: blocked_among(rows, memory, self.bodies, out),
+        )
         if self._count:
             self._draw_bodies(words, rows, scenes, parts)
         parts.home[rows] = scenes.center[rows]
+
+    def flag_blocked(self, rows, memory, out):
+        """See ``blocked_among``."""
+        blocked_among(rows, memory, self.bodies, out)
 
     def _draw_bodies(self, words: NDArray[np.int64], rows: Rows, scenes: Scenes, parts: SceneBodies) -> None:
         drawn, cores = scenes_of(self._drawn), self._drawn_core if self._task.is_mixed else None
@@ -130,9 +161,6 @@ class MixedScenes:
     def _parts(self, n: int) -> SceneBodies:
         return scene_bodies_of(self.bodies, n, self.body_count)
 
-    def _crowds(self, memory: NDArray[np.float64]) -> Callable[[Rows, NDArray[np.bool_]], None]:
-        return lambda rows, out: crowded_among(rows, memory, self.bodies, FREE_SPACE, out)
-
 
 def source_of(n: int, task: Task, vehicle_radius: float, given: Obstacles, *, draws: bool) -> SceneSource:
     """The source of N scenes; see ``MixedScenes``. Spheres at rest alone have one of their own."""
@@ -144,36 +172,38 @@ def source_of(n: int, task: Task, vehicle_radius: float, given: Obstacles, *, dr
     return MixedScenes(n, task, vehicle_radius, given, draws=draws)
 
 
-def draw_clear(
-    task: Task,
-    words: NDArray[np.int64],
-    rows: Rows,
-    memory: NDArray[np.float64],
-    flag_crowded: Callable[[Rows, NDArray[np.bool_]], None],
-) -> None:
-    """Draw start and goal until they are clear.
+def tried(task: Task, vehicle_radius: float, given: Obstacles) -> Task:
+    """The task, after scenes among given bodies; its ``blocked`` makes up for scenes that cannot be blocked.
 
     Args:
-        task: that draws.
-        words: (N, 2) integers of the scenes.
-        rows: (M,) indices.
-        memory: of the scenes.
-        flag_crowded: writes into (N,) whether they are not, for given rows.
+        task: where start and goal come from.
+        vehicle_radius: m.
+        given: bodies of every scene, packed with what they keep.
 
     Raises:
-        ValueError: if they are not after so many draws.
+        ValueError: if a scene has no start and goal clear of the bodies.
+
+    Warns:
+        UserWarning: with the share found, if the straight way cannot be blocked as often as the task asks for.
     """
-    crowded = np.zeros(memory.shape[1], dtype=np.bool_)
-    for attempt in range(TRIES):
-        task.endpoints(words, rows, attempt, memory)
-        flag_crowded(rows, crowded)
-        rows = rows[crowded[rows]]
-        if not rows.size:
-            return
-    raise ValueError(
-        f"obstacles and bounds must leave start and goal {FREE_SPACE} m clear, "
-        f"got no such scene in {TRIES} draws"
-    )
+    source, rows = source_of(TRIED, task, vehicle_radius, given, draws=False), np.arange(TRIED)
+    words, memory = key_words(rows), scene_memory(TRIED, source.body_count)
+    blocked, wanted = np.zeros((2, TRIED), dtype=np.bool_)
+    # A map that no scene can be drawn in is told after one.
+    source.draw(words, rows[:1], memory)
+    source.draw(words, rows[1:], memory)
+    source.flag_blocked(rows, memory, blocked)
+    flag_wanted(words, rows, task.blocked, wanted)
+    share = float(blocked[wanted].mean()) if wanted.any() else 1.0
+    if share < (1.0 - MISSED) * task.blocked:
+        warnings.warn(
+            f"the straight way from start to goal can be blocked by an obstacle in {100 * share:.0f} % of "
+            f"scenes where blocked={task.blocked:g} asks for {100 * task.blocked:.0f} %: give start= and goal= "
+            "with obstacles between them, or a lower blocked=",
+            UserWarning,
+            stacklevel=2,
+        )
+    return replace(task, blocked=min(1.0, task.blocked / share) if share else 0.0)
 
 
 def _given_cores(given: Obstacles) -> Cores:

@@ -99,7 +99,7 @@ def test_clearance_is_the_signed_distance_to_a_shape_at_every_substep(kind, velo
     if kind == "half_space":
         velocity, away = (0.0, 0.0, 0.0), -8.0 * np.array(shape.normal)
     # Elsewhere than where the scene starts, and then from within the body.
-    env = plant(obstacles=[placed(shape, away, velocity)], **STEPWISE)
+    env = plant(obstacles=[placed(shape, away, velocity)], blocked=0, **STEPWISE)
     env.reset(seed=1)
     assert env.obstacles.velocity is None or any(velocity)
     for start in (env.obstacles.center[0], env.obstacles.center[0] + 2.0 * rng.normal(size=3)):
@@ -322,13 +322,12 @@ def test_bounds_are_six_walls_beside_the_task_s_own_obstacles():
 
 
 def test_a_box_too_small_for_start_and_goal_is_refused_at_the_first_reset():
-    for keywords in (
-        {"bounds": [[-1] * 3, [1] * 3]},
-        {"bounds": [[-9] * 3, [9] * 3], "obstacles": [[0, 0, 0, 5]]},
-    ):
-        for env in (plant(**keywords), rows_of(2, **keywords)):
-            with pytest.raises(ValueError, match=r"must leave start and goal 0\.15 m clear"):
-                env.reset(seed=0)
+    for env in (plant(bounds=[[-1] * 3, [1] * 3]), rows_of(2, bounds=[[-1] * 3, [1] * 3])):
+        with pytest.raises(ValueError, match=r"must leave start and goal 0\.15 m clear"):
+            env.reset(seed=0)
+    for make in (plant, lambda **keywords: rows_of(2, **keywords)):
+        with pytest.raises(ValueError, match=r"must leave start and goal 0\.15 m clear"):
+            make(bounds=[[-9] * 3, [9] * 3], obstacles=[[0, 0, 0, 5]])
     with pytest.raises(ValueError, match="obstacles and bounds must leave start and goal"):
         plant("QuadSafe/Flight-v0", bounds=[[-1, -2, -1], [4.1, 2, 5]]).reset()
 

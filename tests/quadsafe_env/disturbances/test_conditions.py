@@ -200,7 +200,7 @@ def test_bias_has_its_length_and_stays_for_an_episode():
 
 def test_policy_and_velocity_interface_see_the_estimate_of_the_filter():
     names = ("position_noise", "velocity_noise", "acceleration_noise", "jerk_noise", "position_bias")
-    env = vector(8, dict.fromkeys(names, 0.2), action="velocity", obstacles=[[9.0, 9.0, 9.0, 0.5]])
+    env = vector(8, dict.fromkeys(names, 0.2), action="velocity", obstacles=[[9.0, 9.0, 9.0, 0.5]], blocked=0)
     env.snap_filter = seen = Recorder()
     rng, k = np.random.default_rng(0), velocity_gains(PERIOD)
     before = None

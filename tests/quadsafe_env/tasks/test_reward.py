@@ -37,6 +37,7 @@ PLANT = Plant(
     yaw=YawHold(YawRange(10.0, 40.0), 0.01),
 )
 WEIGHT = CRAZYFLIE.mass * CRAZYFLIE.gravity
+FAR = [[9.0, 9.0, 9.0, 0.1]]  # in nobody's way
 
 
 def plant(task="Avoid", **keywords):
@@ -180,7 +181,7 @@ def test_reward_of_a_flight():
 
 
 def test_a_collision_costs_no_reward():
-    free, blocked = plant(obstacles=[]), plant(obstacles=[[9.0, 9.0, 9.0, 0.1]], terminate_on_violation=False)
+    free, blocked = plant(obstacles=[]), plant(obstacles=FAR, blocked=0, terminate_on_violation=False)
     blocked._world.scenes.center[0, 0] = blocked.state[:3]
     for _ in range(5):
         _, paid, *_ = free.step([0.5, 0.2, 0.1, 0.0])
@@ -223,7 +224,7 @@ def test_leaving_the_goal_starts_the_half_second_over():
 
 @pytest.mark.interpreted
 def test_arriving_after_a_violation_is_no_success():
-    env = plant(obstacles=[[9.0, 9.0, 9.0, 0.1]], terminate_on_violation=False)
+    env = plant(obstacles=FAR, blocked=0, terminate_on_violation=False)
     env.state = hover_state(env.goal, CRAZYFLIE)
     env._world.scenes.center[0, 0] = env.goal
     _, _, terminated, _, info = env.step(np.zeros(4))
@@ -248,9 +249,8 @@ def test_a_pass_between_two_samples_is_counted(speed, radius):
     # The faster one is outside the sphere at every control sample too, the slower one at every policy sample.
     period = 1.0 / (25 if speed == 4.0 else 100)
     travel, keep_out = speed * period, radius + 0.01
-    env = plant(
-        "Flight", params={"radius": 0.01}, obstacles=[[0.0, 0.0, 0.0, radius]], policy_hz=round(1 / period)
-    )
+    keywords = {"params": {"radius": 0.01}, "obstacles": [[0.0, 0.0, 0.0, radius]], "blocked": 0}
+    env = plant("Flight", **keywords, policy_hz=round(1 / period))
     env.state = moving([-0.5 * travel, 0.0, 0.0], [speed, 0.0, 0.0])
     assert 0.5 * travel > keep_out
     _, _, terminated, _, info = env.step(np.zeros(4))
@@ -308,7 +308,7 @@ def test_crash_is_the_thrust_at_its_floor():
 
 
 def test_state_that_overflows_is_a_crash_and_the_last_sound_state_stays():
-    env = plant("Avoid", obstacles=[[9.0, 9.0, 9.0, 0.1]])
+    env = plant("Avoid", obstacles=FAR, blocked=0)
     state = hover_state(env.state[:3], CRAZYFLIE)
     state[OMEGA] = 1e150
     # Behind the back of the setter, which takes no such state.

@@ -196,9 +196,9 @@ PLANT = {
 @pytest.mark.parametrize("rate", [50, 100, 200])
 def test_a_steady_push_of_the_quadrotor_ends_in_a_steady_hover(rate, scene, settings):
     obstacles, start, action = PLANT[scene]
-    rates = {"policy_hz": rate, "control_hz": rate, "physics_hz": 1000}
+    keywords = {"policy_hz": rate, "control_hz": rate, "physics_hz": 1000, "max_episode_steps": 10**6}
     env = ShieldWrapper(
-        gymnasium.make("QuadSafe/Flight-v0", obstacles=obstacles, max_episode_steps=10**6, **rates), **settings
+        gymnasium.make("QuadSafe/Flight-v0", obstacles=obstacles, blocked=0, **keywords), **settings
     )
     env.reset(seed=0)
     plant, positions, snaps = env.unwrapped, [], []
