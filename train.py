@@ -18,9 +18,11 @@ from agents.experiment.command_line import (
     Report,
     Train,
     Watch,
+    called,
     errors_as_sentences,
     interrupts_end_quietly,
     parse,
+    program,
 )
 
 
@@ -35,19 +37,20 @@ def train(command: Train) -> int:
 
     with errors_as_sentences():
         engine = engines.engine_of(command.options)
+        algorithms.check_words(command.experiment, command.options)
         experiment = environments.checked(command.experiment)
-        algorithms.check(experiment, command.options)
+        algorithms.new_policy(experiment)
         run = runs.begin_run(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
         with engines.StopRequest(run.stop_file) as stop, progress_bar.ProgressBar(run, jobs, command.options):
             failures = engine.run(run, jobs, command.options)
 
     for (arm, seed), failure in failures.items():
-        print(f"train.py: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
+        print(f"{program()}: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
     trace.write_trace(run)
     print(reporting.write_report(run))
     if run.open_jobs():
-        print(f"{'Stopped' if stop.is_set else 'Ended'} early. To go on: python train.py -i {run.folder}")
+        print(f"{'Stopped' if stop.is_set else 'Ended'} early. To go on: {called()} -i {run.folder}")
     return 130 if stop.is_set else 1 if failures else 0
 
 

@@ -1,6 +1,6 @@
 """A peer simulator behind the shield: RotorPy's Hummingbird, flown by RotorPy's own SE(3) controller.
 
-    pip install rotorpy
+    pip install "quadsafe[peer]"
     python examples/peer_simulator.py
 
 A controller asks for a snap, ``Shield.filter`` answers with a safe one, and the integral of that is the flat

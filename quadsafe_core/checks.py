@@ -1,18 +1,22 @@
 """Argument checks of the public functions: one sentence naming the argument, what was expected, what came."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import wraps
+from inspect import signature
 from numbers import Number
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from quadsafe_core.nearest_word import did_you_mean
+
 FLOAT = np.dtype(np.float64)
 # Kinds of NumPy's types that are real numbers: integers, without and with a sign, and floats.
 REAL = "iuf"
 Tuple = TypeVar("Tuple", bound=tuple)
+Called = TypeVar("Called", bound=Callable)
 
 
 def finite_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()) -> NDArray[np.float64]:
@@ -90,8 +94,42 @@ def instance_of(name: str, value: Any, kind: type) -> Any:
 def one_of(name: str, value: str, options: Sequence[str]) -> str:
     """``value``, one of ``options``."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(f"{name} must be one of {', '.join(map(repr, options))}, got {value!r}")
+        known = ", ".join(map(repr, options))
+        raise ValueError(f"{name} must be one of {known}, got {value!r}{did_you_mean(value, options)}")
     return value
+
+
+def known_keywords(name: str, given: Iterable[str], options: Iterable[str]) -> None:
+    """Raise a TypeError unless ``name``, what a user calls, takes every keyword that was given."""
+    known = list(options)
+    for keyword in given:
+        if keyword not in known:
+            raise TypeError(
+                f"{name} must get keywords among {', '.join(map(repr, known))}, "
+                f"got an unexpected keyword argument {keyword!r}{did_you_mean(keyword, known)}"
+            )
+
+
+def keywords_of(function: Callable) -> list[str]:
+    """The arguments of a function that can be given by name only."""
+    parameters = signature(function).parameters.values()
+    return [parameter.name for parameter in parameters if parameter.kind is parameter.KEYWORD_ONLY]
+
+
+def keywords_known_to(name: str) -> Callable[[Called], Called]:
+    """Decorates what a user calls by this name: an unknown keyword gets the sentence of ``known_keywords``."""
+
+    def decorated(function: Called) -> Called:
+        options = keywords_of(function)
+
+        @wraps(function)
+        def checked(*values, **keywords):
+            known_keywords(name, keywords, options)
+            return function(*values, **keywords)
+
+        return checked  # type: ignore[return-value]
+
+    return decorated
 
 
 def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], type[Tuple]]:
@@ -107,10 +145,12 @@ def checked_when_made(check: Callable[[Any], Any]) -> Callable[[type[Tuple]], ty
 
         @wraps(new)
         def checked_new(cls, *values, **fields):
+            known_keywords(cls.__name__, fields, cls._fields)
             return check(new(cls, *values, **fields))
 
         @wraps(replace)
         def checked_replace(self, /, **fields):
+            known_keywords(type(self).__name__, fields, self._fields)
             return check(replace(self, **fields))
 
         kind.__new__ = checked_new  # type: ignore[method-assign]

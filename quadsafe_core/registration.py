@@ -1,7 +1,5 @@
 """The ids of the tasks, by name only: both islands register them, without importing each other."""
 
-import gymnasium
-
 IDS = {
     "QuadSafe/Flight-v0": "flight",
     "QuadSafe/Avoid-v0": "avoid",
@@ -15,6 +13,9 @@ TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400, "rooms": 400, "gates"
 
 def register_environments() -> None:
     """Register the ids with Gymnasium, for ``gym.make`` and ``gym.make_vec``."""
+    # A command line lists the ids before anything is loaded.
+    import gymnasium
+
     for name, task in IDS.items():
         if name not in gymnasium.registry:
             gymnasium.register(

@@ -18,6 +18,7 @@ from quadsafe_env.settings import (
     action_array,
     build_world,
     check_begun,
+    check_keywords,
     check_render_mode,
     known_options,
     scene_integer,
@@ -132,6 +133,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 - Gymnasium's attribute
 
     def __init__(self, *, render_mode: str | None = None, **settings: Any):
+        check_keywords("gymnasium.make", settings, ("render_mode",))
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self._world = build_world(1, self.render_mode, **settings)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}

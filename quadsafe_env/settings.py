@@ -8,7 +8,14 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, one_of, positive_integer, real_array
+from quadsafe_core.checks import (
+    finite_array,
+    keywords_of,
+    known_keywords,
+    one_of,
+    positive_integer,
+    real_array,
+)
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
@@ -159,6 +166,13 @@ def build_world(
     if met == OFF:
         return WORLDS[render_mode](n, drawn, vehicle, **kept)
     return DISTURBED_WORLDS[render_mode](n, drawn, vehicle, conditions=met, **kept)
+
+
+def check_keywords(maker: str, settings: Mapping[str, Any], own: tuple[str, ...]) -> None:
+    """Raise a TypeError for a keyword that neither a world nor its environment, made by ``maker``, has."""
+    # The task is that of the id.
+    known = [name for name in (*own, *keywords_of(build_world)) if name != "task"]
+    known_keywords(maker, [name for name in settings if name != "task"], known)
 
 
 def walls_of(bounds: Sequence[Sequence[float]], vehicle_radius: float) -> list[HalfSpace]:

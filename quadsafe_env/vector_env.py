@@ -20,6 +20,7 @@ from quadsafe_env.settings import (
     action_array,
     build_world,
     check_begun,
+    check_keywords,
     check_render_mode,
     known_options,
     scene_integer,
@@ -27,6 +28,7 @@ from quadsafe_env.settings import (
 from quadsafe_env.simulation.surroundings import copied
 
 RENDER_MODES = ("rgb_array",)
+OWN_KEYWORDS = ("max_episode_steps", "render_mode", "autoreset_mode")
 
 
 class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
@@ -69,6 +71,7 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         **settings: Any,
     ):
+        check_keywords("gymnasium.make_vec", settings, OWN_KEYWORDS)
         self.num_envs = positive_integer("num_envs", num_envs)
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
         self._world = build_world(self.num_envs, self.render_mode, **settings)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.checks import one_of
+from quadsafe_core.checks import keywords_known_to, one_of
 from quadsafe_core.kernels.jit import compiling
 from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import (
@@ -95,6 +95,7 @@ class Shield:
     ``shields.methods.halfspace`` and ``shields.backup.certificate``.
     """
 
+    @keywords_known_to("Shield")
     def __init__(
         self,
         *,
@@ -134,8 +135,7 @@ class Shield:
         has_errors = self._settings["uncertainty"] is not None
         self._method: Method = (TubeMethod if has_errors else METHODS[method])(self._settings)
         self._size: tuple[int, int] | None = None
-        self._period = math.nan
-        self._are_still = False
+        self._period, self._are_still = math.nan, False
         self._kernel: FilterKernel
         self._cores: NDArray[np.uint8] | None = None
 

@@ -7,7 +7,7 @@ resets before the first call of a policy step begin an episode in that step in p
 may ask ``snap_filter.done`` what the shield did.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import gymnasium
@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import non_negative_number, one_of
+from quadsafe_core.checks import keywords_of, known_keywords, non_negative_number, one_of
 from shields.settings.plant_settings import plain_settings, settings_for
 from shields.shield import Shield
 from shields.slot.info import INFO_FORMATS
@@ -108,6 +108,7 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         **settings: Any,
     ):
         self._format = _format(info_format)
+        _check_settings("ShieldWrapper", settings)
         shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
         # What was given, not what the plant made of it: a rebuilt env may fly another vehicle.
@@ -183,6 +184,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
     ):
         super().__init__(env)
         self._format = _format(info_format)
+        _check_settings("VectorShieldWrapper", settings)
         self._everyone = np.ones(env.num_envs, dtype=np.bool_)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
         shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
@@ -230,6 +232,11 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         return self._format(self._installation.recorder.summary(mask), mask)
+
+
+def _check_settings(wrapper: str, settings: Mapping[str, Any]) -> None:
+    """Raise a TypeError for what neither the wrapper nor ``Shield`` has."""
+    known_keywords(wrapper, settings, (*keywords_of(ShieldWrapper.__init__), *keywords_of(Shield.__init__)))
 
 
 def _format(info_format: str) -> Callable[..., dict[str, Any]]:

@@ -4,12 +4,15 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
-from agents.experiment.config import Experiment, Options, Pairs, check_positive
+from agents.experiment.config import Experiment, Options, check_positive
+from agents.experiment.pairs import Pairs
+from quadsafe_core.nearest_word import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -19,7 +22,7 @@ class Train:
     `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
     flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
     writes one for other programs, `train.py report RUN` makes its tables and figures again,
-    `train.py watch RUN` shows a flight; each has --help.
+    `train.py watch RUN` shows a flight; each has --help. `train.py --version` prints the version.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -108,21 +111,50 @@ Command = Train | Evaluate | Export | Report | Watch
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:
-    """The command spelled by ``arguments`` (default: those of the process); exits on --help and errors.
+    """The command spelled by ``arguments`` (default: those of the process).
+
+    Exits on --help, --version and errors.
 
     Raises:
-        ValueError, OSError: for -i with a folder that is no run.
+        ValueError, OSError: for an unknown command, -i with a folder that is no run, --config with a file that
+            is no experiment.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if words == ["--version"]:
+        print(f"quadsafe {version('quadsafe')}")
+        raise SystemExit(0)
     if words and words[0] in COMMANDS:
-        return _spelled(COMMANDS[words[0]], words[1:], f"train.py {words[0]}")
-    command = _spelled(Train, words, "train.py")
-    if command.options.trained_agent is None:
-        return command
-    # What is not said again is that of the run.
-    from agents.experiment.runs import open_run
+        return _spelled(COMMANDS[words[0]], words[1:], f"{program()} {words[0]}")
+    if words and not words[0].startswith("-"):
+        nearest = did_you_mean(words[0], COMMANDS)
+        raise ValueError(
+            f"command must be one of {', '.join(COMMANDS)}, or none to train, got {words[0]!r}{nearest}"
+        )
+    command = _spelled(Train, words, program())
+    given = _given(command.options)
+    # What is not said again is that of the run or the file.
+    return command if given is None else _spelled(Train, words, program(), Train(given))
 
-    return _spelled(Train, words, "train.py", Train(open_run(command.options.trained_agent).experiment))
+
+def program() -> str:
+    """What was called: "quadsafe", the command that is installed, or "train.py"."""
+    return "quadsafe" if Path(sys.argv[0]).stem == "quadsafe" else "train.py"
+
+
+def called() -> str:
+    """How it is called again."""
+    return "quadsafe" if program() == "quadsafe" else "python train.py"
+
+
+def _given(options: Options) -> Experiment | None:
+    """The experiment of a run to go on with, or of a file of settings."""
+    if options.trained_agent is None and options.config is None:
+        return None
+    from agents.experiment.runs import open_run, read_experiment
+
+    if options.trained_agent is not None:
+        return open_run(options.trained_agent).experiment
+    return read_experiment(options.config)  # type: ignore[arg-type]
 
 
 @contextmanager
@@ -131,7 +163,7 @@ def errors_as_sentences() -> Iterator[None]:
     try:
         yield
     except (ValueError, TypeError, OSError) as error:
-        print(f"train.py: error: {error}", file=sys.stderr)
+        print(f"{program()}: error: {error}", file=sys.stderr)
         raise SystemExit(2) from None
 
 
@@ -141,7 +173,7 @@ def interrupts_end_quietly() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        print("train.py: interrupted", file=sys.stderr)
+        print(f"{program()}: interrupted", file=sys.stderr)
         raise SystemExit(130) from None
 
 

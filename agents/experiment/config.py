@@ -1,6 +1,5 @@
 """The experiment as data: what is trained, on what, for how long; and the command line that spells it."""
 
-import ast
 import dataclasses
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,9 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from agents.experiment.arms import ARMS, OF_RUNS
+from agents.experiment.pairs import Pairs
+from quadsafe_core.nearest_word import did_you_mean
+from quadsafe_core.registration import IDS
 
 SEED_LIMIT = 2**32
 # By the names of Stable-Baselines3, and what is not the constructor's: n_envs, the rows flown at once, and
@@ -41,48 +43,16 @@ def default_hyperparams(env: str, algo: str) -> dict[str, Any]:
     return {**HYPERPARAMS[algo], **OF_ENVS.get(env, {})} if algo in HYPERPARAMS else {}
 
 
-def _pairs(words: list[str]) -> dict[str, Any]:
-    """{"alpha": 4.0} from ["alpha:4.0"]; a value that is no Python literal is a string."""
-    table = {}
-    for word in words:
-        key, colon, value = word.partition(":")
-        if not (key and colon):
-            raise ValueError(f"{word!r} must be KEY:VALUE")
-        if key in table:
-            raise ValueError(f"{key} must be given once, got {word!r} after {table[key]!r}")
-        try:
-            table[key] = ast.literal_eval(value)
-        except (ValueError, SyntaxError):
-            table[key] = value
-    return table
-
-
-def _words(table: dict[str, Any]) -> list[str]:
-    return [f"{key}:{value}" for key, value in table.items()]
-
-
-Pairs = Annotated[
-    dict[str, Any],
-    tyro.constructors.PrimitiveConstructorSpec(
-        nargs="*",
-        metavar="[KEY:VALUE ...]",
-        instance_from_str=_pairs,
-        is_instance=lambda instance: isinstance(instance, dict),
-        str_from_instance=_words,
-    ),
-]
-
-
 @dataclass(frozen=True)
 class Experiment:
     """Everything that decides what is learned."""
 
-    env: str = "QuadSafe/Avoid-v0"
+    env: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(IDS)}}}")] = "QuadSafe/Avoid-v0"
     """Id of the environment."""
     action: str = "velocity"
     """What the policy commands: velocity, snap or wrench."""
     env_kwargs: Pairs = field(default_factory=dict)
-    """Further keywords of the environment, as params:racer policy_hz:50."""
+    """Further keywords of the environment, values in YAML, as params:racer rotor_limits:true."""
     shield: Pairs = field(default_factory=dict)
     """Settings of the shield, as alpha:4.0 snap_max:80.0."""
     arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(OF_RUNS)}}} ...")] = ("none", "shield")
@@ -105,8 +75,10 @@ class Experiment:
         check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
         if not _is_integer(self.seed) or not 0 <= self.seed < SEED_LIMIT:
             raise ValueError(f"seed must be an integer in [0, 2^32), got {self.seed!r}")
-        if not self.arms or len(set(self.arms)) < len(self.arms) or set(self.arms) - set(ARMS):
-            raise ValueError(f"arms must be one or several of {', '.join(ARMS)}, got {list(self.arms)}")
+        unknown = [arm for arm in self.arms if arm not in ARMS]
+        if not self.arms or len(set(self.arms)) < len(self.arms) or unknown:
+            known, nearest = ", ".join(ARMS), did_you_mean(unknown[0], ARMS) if unknown else ""
+            raise ValueError(f"arms must be one or several of {known}, got {list(self.arms)}{nearest}")
 
     @property
     def seeds(self) -> range:
@@ -126,6 +98,8 @@ class Options:
     """Folder for the run folders."""
     trained_agent: Annotated[Path | None, tyro.conf.arg(aliases=["-i"], metavar="RUN")] = None
     """Run folder to go on with, from its checkpoints; it keeps its settings, arms and seeds may be added."""
+    config: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    """Settings of a new run, as of a run's config.yml; what is given beside it counts in its place."""
     n_jobs: int = 0
     """Trainings at a time, each in a process of its own; 0 for one a core."""
     save_freq: int = 100_000
@@ -149,6 +123,8 @@ class Options:
             raise ValueError(f"n_jobs must be an integer >= 0, got {self.n_jobs!r}")
         if self.engine not in ("local", "ray"):
             raise ValueError(f"engine must be 'local' or 'ray', got {self.engine!r}")
+        if self.config is not None and self.trained_agent is not None:
+            raise ValueError(f"config must be left out with -i, which keeps its own, got {str(self.config)!r}")
         if self.address is not None and self.engine != "ray":
             raise ValueError(f"address must come with --engine ray, got {self.address!r}")
 
@@ -167,9 +143,12 @@ def experiment_from_dict(table: dict[str, Any]) -> Experiment:
     fields = {name: _entry(table, name, dict) for name in ("env_kwargs", "shield", "hyperparams")}
     if "arms" in table:
         fields["arms"] = tuple(_entry(table, "arms", list))
-    unknown = set(table) - {field.name for field in dataclasses.fields(Experiment)}
+    known = [field.name for field in dataclasses.fields(Experiment)]
+    unknown = sorted(map(str, set(table) - set(known)))
     if unknown:
-        raise ValueError(f"config.yml must hold fields of Experiment only, got {sorted(map(str, unknown))}")
+        raise ValueError(
+            f"config.yml must hold fields of Experiment only, got {unknown}{did_you_mean(unknown[0], known)}"
+        )
     return Experiment(**{**table, **fields})
 
 

@@ -91,9 +91,9 @@ def checked(experiment: Experiment) -> Experiment:
     }
     positive_integer("n_envs", hyperparams["n_envs"])
     spelled = replace(spelled_shield(experiment), hyperparams=hyperparams)
-    for arm in experiment.arms:
-        for is_shielded in (False, True):
-            env = make_vector_env(of_arm(spelled, ARMS[arm]), 1, is_shielded)
-            env.reset(seed=0)
-            env.step(np.zeros((1, 4), dtype=np.float32))
+    flown = [of_arm(spelled, ARMS[arm]) for arm in experiment.arms]
+    # All are made before the first is flown, which compiles: a mistake is told at once.
+    for env in [make_vector_env(one, 1, is_shielded) for one in flown for is_shielded in (False, True)]:
+        env.reset(seed=0)
+        env.step(np.zeros((1, 4), dtype=np.float32))
     return spelled

@@ -157,18 +157,30 @@ def open_run(folder: str | Path) -> Run:
         FileNotFoundError: if it is not a run folder.
         ValueError: for a config.yml that is no experiment.
     """
-    import yaml
-
     config = Path(folder) / "config.yml"
     if not config.is_file():
         raise FileNotFoundError(f"run must be a folder with a config.yml, got {str(folder)!r}")
+    return Run(Path(folder), read_experiment(config))
+
+
+def read_experiment(config: Path) -> Experiment:
+    """The experiment in a file, as a run's config.yml; what it leaves out is the default.
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ValueError: for a file that is no experiment.
+    """
+    import yaml
+
+    if not config.is_file():
+        raise FileNotFoundError(f"config must be a file, as the config.yml of a run, got {str(config)!r}")
     try:
         table = yaml.safe_load(config.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"config.yml must be plain YAML: {' '.join(str(error).split())}") from error
     if not isinstance(table, dict):
         raise ValueError(f"config.yml must be a mapping, got {type(table).__name__} in {config}")
-    return Run(Path(folder), experiment_from_dict(table))
+    return experiment_from_dict(table)
 
 
 def _first_free(parent: Path, name: str) -> Path:

@@ -4,6 +4,7 @@ import io
 import pickle
 import warnings
 from importlib.util import find_spec
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from agents.experiment.environments import make_vector_env
 from agents.experiment.files import write_safely
 from agents.experiment.runs import Run
 from agents.learn.sb3_vec import Sb3VectorEnv
-from quadsafe_core.checks import one_of
+from quadsafe_core.checks import known_keywords, one_of
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     name.lower(): value
@@ -27,6 +28,8 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     if isinstance(value, type) and issubclass(value, BaseAlgorithm)
 }
 POLICY_KEYS = ("net_arch", "log_std_init")
+# What ``make_model`` gives by itself.
+GIVEN = ("policy", "env", "policy_kwargs", "seed", "device", "_init_setup_model")
 # Row i of a training with seed s starts with scene s * SCENES_PER_SEED + i: seeds share no scene.
 SCENES_PER_SEED = 2**20
 
@@ -107,8 +110,15 @@ def new_policy(experiment: Experiment) -> BasePolicy:
         return make_model(experiment, env, seed=0, device="cpu", **over).policy
 
 
-def check(experiment: Experiment, options: Options) -> None:
-    """Raise a ValueError or TypeError that names what the algorithm, the device or the log does not take."""
+def check_words(experiment: Experiment, options: Options) -> None:
+    """Raise for an algorithm, hyper-parameter, device or log that there is not, before anything compiles.
+
+    Raises:
+        ValueError, TypeError: naming it.
+    """
+    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    own = [name for name in signature(algorithm).parameters if name not in GIVEN]
+    known_keywords(algorithm.__name__, experiment.hyperparams, ("n_envs", *POLICY_KEYS, *own))
     try:
         torch.empty(0, device=options.device)
     except (RuntimeError, AssertionError) as error:
@@ -118,4 +128,3 @@ def check(experiment: Experiment, options: Options) -> None:
         ) from error
     if options.tensorboard_log is not None and find_spec("tensorboard") is None:
         raise ValueError('tensorboard_log needs TensorBoard: pip install "quadsafe[tensorboard]"')
-    new_policy(experiment)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from quadsafe_core.checks import one_of
+from quadsafe_core.nearest_word import did_you_mean
 from quadsafe_core.shapes.flat_shapes import Box, HalfSpace, Hull
 from quadsafe_core.shapes.round_shapes import Capsule, Cylinder, Ellipsoid, Sphere
 from quadsafe_core.shapes.shape import Shape
@@ -65,7 +66,8 @@ def _from_mapping(value: dict[str, Any], name: str) -> Shape:
     for key in value:
         if key not in known:
             raise ValueError(
-                f"{name} of shape {kind.name!r} must have fields among {', '.join(known)}, got {key!r}"
+                f"{name} of shape {kind.name!r} must have fields among {', '.join(known)}, "
+                f"got {key!r}{did_you_mean(key, known)}"
             )
     missing = [key for key, default in known.items() if default is MISSING and key not in value]
     if missing:

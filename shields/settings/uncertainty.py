@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import checked_when_made, non_negative_number
+from quadsafe_core.checks import checked_when_made, non_negative_number, one_of
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import LONGEST_PERIOD
 from shields.interface.records import FlightLimits, ThrustBand
@@ -118,10 +118,12 @@ def checked_uncertainty(value: Any) -> Uncertainty | None:
     if value is None:
         return None
     table = value._asdict() if isinstance(value, Uncertainty) else value
-    if not isinstance(table, Mapping) or not set(table) <= set(Uncertainty._fields):
+    if not isinstance(table, Mapping):
         raise TypeError(
             f"uncertainty must be an Uncertainty or a mapping of {', '.join(NONE._fields)}, got {value!r}"
         )
+    for field in table:
+        one_of("a field of uncertainty", field, NONE._fields)
     found = Uncertainty(**table)
     return None if found == NONE else found
 

@@ -4,7 +4,7 @@ import pytest
 import sources
 from house import ROOT
 
-PACKAGES = ("quadsafe_core", "quadsafe_env", "shields", "agents")
+PACKAGES = ("quadsafe", "quadsafe_core", "quadsafe_env", "shields", "agents")
 RULES = (
     sources.crowded_folders,
     sources.long_files,

@@ -13,6 +13,7 @@ from quadsafe_core.checks import (
     finite_array,
     finite_number,
     instance_of,
+    keywords_known_to,
     non_negative_number,
     one_of,
     positive_integer,
@@ -114,6 +115,21 @@ def test_one_of():
     assert one_of("mode", "a", ("a", "b")) == "a"
     with pytest.raises(ValueError, match=r"^mode must be one of 'a', 'b', got 'c'$"):
         one_of("mode", "c", ("a", "b"))
+    with pytest.raises(ValueError, match=r"one of 'wide', 'high', got 'Hihg'; did you mean 'high'\?$"):
+        one_of("mode", "Hihg", ("wide", "high"))
+
+
+def test_an_unknown_keyword_names_what_was_called_and_the_nearest_there_is():
+    @keywords_known_to("Vehicle")
+    def made(mass, *, thrust_max=1.0):
+        return mass, thrust_max
+
+    assert made(2.0, thrust_max=3.0) == (2.0, 3.0) and made(2.0) == (2.0, 1.0)
+    sentence = r"^Vehicle must get keywords among 'thrust_max', got an unexpected keyword argument "
+    with pytest.raises(TypeError, match=sentence + r"'max_thrust'; did you mean 'thrust_max'\?$"):
+        made(2.0, max_thrust=3.0)
+    with pytest.raises(TypeError, match=sentence + "'colour'$"):
+        made(2.0, colour="red")
 
 
 def test_numbers_of_other_kinds_are_numbers():

@@ -327,7 +327,7 @@ def test_another_format_is_refused_and_leaves_the_environment_alone(value):
     for make, env in ((ShieldWrapper, EchoEnv()), (VectorShieldWrapper, EchoVectorEnv())):
         with pytest.raises(ValueError) as caught:
             make(env, info_format=value)
-        assert str(caught.value) == f"info_format must be one of 'nested', 'flat', got {value!r}"
+        assert str(caught.value).startswith(f"info_format must be one of 'nested', 'flat', got {value!r}")
         assert not env.is_shielded
 
 

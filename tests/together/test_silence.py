@@ -10,7 +10,8 @@ import pytest
 
 import quadsafe_env  # noqa: F401
 import shields
-from agents.experiment.config import Experiment, Options, _pairs
+from agents.experiment.config import Experiment, Options
+from agents.experiment.pairs import pairs_from
 from agents.tracking import MinimumSnap, Tracker
 from quadsafe_core.authority import acceleration_along
 from quadsafe_core.shapes import Obstacles
@@ -117,7 +118,7 @@ REFUSED = {
     # keywords of gym.make
     "keyword, unknown": (
         lambda: gymnasium.make(NAME, colour="red"),
-        "build_world.* unexpected keyword argument",
+        "gymnasium.make must get keywords among 'render_mode', .*, got an unexpected keyword argument 'colour'",
     ),
     "action, a list": (
         lambda: gymnasium.make(NAME, action=["snap"]),
@@ -236,7 +237,7 @@ REFUSED = {
     # wrappers and shields
     "wrapper, unknown": (
         lambda: ShieldWrapper(gymnasium.make(NAME), margn=0.1),
-        ".*unexpected keyword argument 'margn'",
+        "ShieldWrapper must get keywords among .*'margin', .* argument 'margn'; did you mean 'margin'\\?$",
     ),
     "wrapper, penalty": (
         lambda: ShieldWrapper(gymnasium.make(NAME), intervention_penalty=True),
@@ -334,10 +335,10 @@ REFUSED = {
     "n_jobs": (lambda: Options(n_jobs=True), "n_jobs must be an integer >= 0, got True"),
     "engine": (lambda: Options(engine="slurm"), "engine must be 'local' or 'ray', got 'slurm'"),  # type: ignore[arg-type]
     "a setting twice": (
-        lambda: _pairs(["alpha:1", "alpha:2"]),
+        lambda: pairs_from(["alpha:1", "alpha:2"]),
         "alpha must be given once, got 'alpha:2' after 1",
     ),
-    "a setting without a name": (lambda: _pairs([":1"]), "':1' must be KEY:VALUE"),
+    "a setting without a name": (lambda: pairs_from([":1"]), "':1' must be KEY:VALUE"),
     "waypoints, text": (lambda: MinimumSnap([TEXT, TEXT], [0.0, 1.0]), f"waypoints {NO_NUMBERS}"),
     "duration": (lambda: Tracker(env(action="snap"), True), "duration must be a finite number > 0, got True"),
 }

@@ -5,6 +5,8 @@ import resource
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,11 @@ import yaml
 from house import ROOT
 
 from agents.experiment.arms import ARMS
-from agents.experiment.command_line import Evaluate, Report, Train, parse
+from agents.experiment.command_line import Evaluate, Report, Train, called, parse, program
 from agents.experiment.config import Experiment, Options, experiment_from_dict, to_dict
+from agents.experiment.pairs import pairs_from
 from agents.experiment.runs import Run, create_run, extended_run, open_run
+from quadsafe_core.registration import IDS
 
 UNUSUAL = Experiment(
     env="QuadSafe/Flight-v0",
@@ -140,6 +144,10 @@ def test_what_does_not_go_on_with_a_run(tmp_path, words, sentence):
             f"arms must be one or several of {', '.join(ARMS)}, got ['none', 'armour']",
         ),
         (
+            {"arms": ("none", "sheild")},
+            f"arms must be one or several of {', '.join(ARMS)}, got ['none', 'sheild']; did you mean 'shield'?",
+        ),
+        (
             {"arms": ("none", "none")},
             f"arms must be one or several of {', '.join(ARMS)}, got ['none', 'none']",
         ),
@@ -149,6 +157,54 @@ def test_what_does_not_fit_an_experiment(fields, sentence):
     with pytest.raises(ValueError) as caught:
         Experiment(**fields)
     assert str(caught.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("true", True), ("True", True), ("null", None), ("None", None), ("010", 10.0), ("3e-4", 3e-4)),
+        *(("off", "off"), ("no", "no"), ("1:30", "1:30"), ("auto_0.1", "auto_0.1"), ("[32,16]", [32, 16])),
+        ("{preset: off, wind: 1e-1, delay: 2}", {"preset": "off", "wind": 0.1, "delay": 2}),
+        ("{'preset': 'off', 'loss': .5}", {"preset": "off", "loss": 0.5}),
+    ],
+)
+def test_a_setting_is_what_yaml_or_python_makes_of_it(text, value):
+    (found,) = pairs_from([f"conditions:{text}"]).values()
+    assert found == value and type(found) is type(value)
+
+
+@pytest.mark.parametrize("text", ["[1,", "@x", "!!python/object/apply:os.mkdir [planted]"])
+def test_a_setting_that_is_no_yaml_is_refused_and_executes_nothing(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ValueError, match=r"^x must have a value in YAML, got "):
+        pairs_from([f"x:{text}"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_config_of_a_run_is_the_beginning_of_another(tmp_path):
+    run = create_run(UNUSUAL, Options(log_folder=tmp_path), {})
+    config = run.folder / "config.yml"
+    assert parse(["--config", str(config)]) == Train(UNUSUAL, Options(config=config))
+    assert parse(["--config", str(config), "--seed", "9"]).experiment == replace(UNUSUAL, seed=9)
+    with pytest.raises(ValueError, match="config must be left out with -i, which keeps its own, got "):
+        Options(config=config, trained_agent=run.folder)
+    with pytest.raises(FileNotFoundError, match=r"config must be a file, as the .* of a run, got 'no'"):
+        parse(["--config", "no"])
+
+
+def test_a_wrong_command_is_told_the_right_one():
+    sentence = "command must be one of evaluate, report, watch, .*, got 'evalute'; did you mean 'evaluate'"
+    with pytest.raises(ValueError, match=sentence):
+        parse(["evalute", "logs/a"])
+
+
+def test_the_command_says_its_version_and_its_own_name(capsys, monkeypatch):
+    with pytest.raises(SystemExit) as caught:
+        parse(["--version"])
+    assert caught.value.code == 0 and capsys.readouterr().out == f"quadsafe {version('quadsafe')}\n"
+    assert (program(), called()) == ("train.py", "python train.py")
+    monkeypatch.setattr(sys, "argv", ["/usr/bin/quadsafe"])
+    assert (program(), called()) == ("quadsafe", "quadsafe")
 
 
 def test_what_does_not_fit_the_other_settings():
@@ -197,6 +253,7 @@ def test_help_is_fast_and_leaves_the_learning_libraries_alone():
         )
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         seconds.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        assert "evaluate" in words or all(name in "".join(result.stdout.split()) for name in IDS)
         assert "usage: train.py" in result.stdout and result.stdout.rstrip().endswith("[]")
     # 0.2 s of processor time on an idle machine; on a crowded one the same work takes longer.
     assert min(seconds) < 0.6

@@ -136,7 +136,7 @@ SENTENCES = [
     (lambda: HalfSpace((0, 0, 1), 1, (0, 0, 1)), r"^velocity of a half-space must be zero, got"),
     (
         lambda: shape_from({"shape": "bx"}),
-        r"^obstacle\.shape must be one of 'sphere', .*'half_space', got 'bx'$",
+        r"^obstacle\.shape must be one of 'sphere', .*'half_space', got 'bx'; did you mean 'box'\?$",
     ),
     (lambda: shape_from({"center": ORIGIN}), r"^obstacle must name its shape, one of 'sphere', "),
     (

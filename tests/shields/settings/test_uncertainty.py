@@ -343,7 +343,7 @@ def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
         ({"delay": True}, "uncertainty.delay must be a whole number"),
         ({"delay": 101}, "uncertainty.delay must be a whole number from 0 to 100, got 101"),
         ({"losses": 1}, "uncertainty.losses must be True or False, got 1"),
-        ({"noise": 1.0}, "uncertainty must be an Uncertainty or a mapping of position, velocity"),
+        ({"noise": 1.0}, "a field of uncertainty must be one of 'position', 'velocity'"),
         (0.1, "uncertainty must be an Uncertainty or a mapping"),
     ],
 )
