@@ -184,5 +184,7 @@ def velocity_gains(period: float) -> VelocityGains:
 def gains_at(period: float) -> Gains:
     """Gains of every interface for a control period, s."""
     (rate,) = held_gains(1, BODY_RATE_POLE, period).tolist()
-    tilt, thrust = (held_gains(2, pole, period).tolist() for pole in (TILT_POLE, THRUST_POLE))
-    return Gains(velocity_gains(period), BodyGains(rate, *tilt, *thrust, 0.5 * period))
+    tilt, tilt_rate = held_gains(2, TILT_POLE, period).tolist()
+    thrust, thrust_rate = held_gains(2, THRUST_POLE, period).tolist()
+    body = BodyGains(rate, tilt, tilt_rate, thrust, thrust_rate, 0.5 * period)
+    return Gains(velocity_gains(period), body)
