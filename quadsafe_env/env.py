@@ -35,11 +35,16 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     ### Action: Box(−1, 1, (4,), float32)
     Entries beyond ±1 are clipped. A non-finite action raises ValueError, unless the env is shielded.
 
-    | `action=`    | entries 0–2 at 1                   | entry 3 at 1                      |
-    |--------------|------------------------------------|-----------------------------------|
-    | `"velocity"` | velocity 2 m/s along world x, y, z | yaw rate 2 rad/s                  |
-    | `"snap"`     | snap 200 m/s⁴ along world x, y, z  | yaw acceleration 10 rad/s²        |
-    | `"wrench"`   | F_z, τ_x, τ_y                      | τ_z; all as `snap` gives at hover |
+    | `action=`    | entries 0–2 at 1                     | entry 3 at 1                      |
+    |--------------|--------------------------------------|-----------------------------------|
+    | `"velocity"` | velocity 2 m/s along world x, y, z   | yaw rate 2 rad/s                  |
+    | `"snap"`     | snap 200 m/s⁴ along world x, y, z    | yaw acceleration 10 rad/s²        |
+    | `"wrench"`   | F_z, τ_x, τ_y                        | τ_z; all as `snap` gives at hover |
+    | `"rates"`    | thrust, then ω_x and ω_y of 6 rad/s  | ω_z of 2 rad/s                    |
+    | `"attitude"` | thrust, then roll and pitch of 30°   | ω_z of 2 rad/s                    |
+
+    The thrust of these is the collective beyond hover over mass; 1 is half of the shorter way from hover to the
+    thrust floor and to full thrust. ``quadsafe_env.vehicle.actions`` has the feedback laws.
 
     `action_scale` has the numbers. The action is held for one policy step; the desired snap it becomes is
     computed, filtered and handed to the inner loop once per control period.

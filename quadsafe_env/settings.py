@@ -97,7 +97,7 @@ def build_world(
         n: number of rows.
         render_mode: one that was checked, or None; what is rendered remembers its past.
         task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
-        action: "velocity", "snap" or "wrench".
+        action: "velocity", "snap", "wrench", "rates" or "attitude"; see ``quadsafe_env.vehicle.actions``.
         params: preset name, mapping of fields, or QuadrotorParams; ``docs/vehicles.md`` has the presets.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
             one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.

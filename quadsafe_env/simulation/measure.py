@@ -25,7 +25,7 @@ from quadsafe_env.simulation.block import (
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
-from quadsafe_env.vehicle.actions import snap_law, velocity_law, wrench_law
+from quadsafe_env.vehicle.actions import attitude_law, rates_law, snap_law, velocity_law, wrench_law
 from quadsafe_env.vehicle.flatness import flat_from_state
 from quadsafe_env.vehicle.state import STATE_SIZE, lane_state, lane_triple, store_triple
 
@@ -154,6 +154,20 @@ def measure_wrench(numbers, opens, is_shielded, memory, actions):
     measure_rows(wrench_law, numbers, opens, is_shielded, memory, actions)
 
 
+@kernel
+def measure_rates(numbers, opens, is_shielded, memory, actions):
+    """``measure_rows`` under ``rates_law``."""
+    wide_vectors()
+    measure_rows(rates_law, numbers, opens, is_shielded, memory, actions)
+
+
+@kernel
+def measure_attitude(numbers, opens, is_shielded, memory, actions):
+    """``measure_rows`` under ``attitude_law``."""
+    wide_vectors()
+    measure_rows(attitude_law, numbers, opens, is_shielded, memory, actions)
+
+
 class Measure(Protocol):
     """An action interface at work: from actions and states to what a filter is given, see ``measure_rows``."""
 
@@ -169,4 +183,10 @@ class Measure(Protocol):
         ...
 
 
-MEASURES: Mapping[str, Measure] = {"velocity": measure_velocity, "snap": measure_snap, "wrench": measure_wrench}
+MEASURES: Mapping[str, Measure] = {
+    "velocity": measure_velocity,
+    "snap": measure_snap,
+    "wrench": measure_wrench,
+    "rates": measure_rates,
+    "attitude": measure_attitude,
+}

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from quadsafe_env.vehicle.actions import VelocityGains
+from quadsafe_env.vehicle.actions import Gains
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.yaw import YawHold
 
@@ -13,7 +13,7 @@ class Plant(NamedTuple):
     | field                  | meaning                                             |
     |------------------------|-----------------------------------------------------|
     | params                 | the vehicle                                         |
-    | gains                  | of the velocity interface                           |
+    | gains                  | of the interfaces                                   |
     | scale                  | SI value of an action of 1                          |
     | low, high              | bounds of the flight, m                             |
     | dt                     | of one RK4 step, s                                  |
@@ -24,7 +24,7 @@ class Plant(NamedTuple):
     """
 
     params: QuadrotorParams
-    gains: VelocityGains
+    gains: Gains
     scale: tuple[float, float, float, float]
     low: tuple[float, float, float]
     high: tuple[float, float, float]

@@ -35,7 +35,7 @@ from quadsafe_env.tasks.reward import ENTRIES, OWN_ENTRIES
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.tasks.sources import source_of
-from quadsafe_env.vehicle.actions import action_scale, velocity_gains
+from quadsafe_env.vehicle.actions import action_scale, gains_at
 from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_batch
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -108,7 +108,7 @@ class World:
         self._plant = raveled(
             Plant(
                 params=params,
-                gains=velocity_gains(self.control_period),
+                gains=gains_at(self.control_period),
                 scale=action_scale(action, params),
                 low=task.low,
                 high=task.high,

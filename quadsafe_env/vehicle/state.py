@@ -111,6 +111,12 @@ def body_z(s):
 
 
 @inline_kernel
+def up_of(s):
+    """``Qᵀ e3``: up, seen from the body."""
+    return s[12:15]
+
+
+@inline_kernel
 def to_world(s, b):
     """``Q b``."""
     return (fused_dot(s[6:9], b), fused_dot(s[9:12], b), fused_dot(s[12:15], b))

@@ -23,7 +23,8 @@ from quadsafe_env.simulation.world import Passed, PassThrough
 from quadsafe_env.vehicle.params import PRESETS
 from quadsafe_env.vehicle.state import STATE_SIZE, hover_state
 
-ACTIONS = ("velocity", "snap", "wrench")
+ACTIONS = ("velocity", "snap", "wrench", "rates", "attitude")
+NAMES = ", ".join(map(repr, ACTIONS))
 INFO = {
     "cost": float,
     "clearance": float,
@@ -303,12 +304,13 @@ def test_every_integer_of_64_bits_is_a_seed(seed):
 @pytest.mark.parametrize(
     ("keywords", "error", "sentence"),
     [
-        ({"action": "thrust"}, ValueError, "action must be one of 'velocity', 'snap', 'wrench', got 'thrust'"),
-        ({"action": None}, ValueError, "action must be one of 'velocity', 'snap', 'wrench', got None"),
+        ({"action": "thrust"}, ValueError, f"action must be one of {NAMES}, got 'thrust'"),
+        ({"action": None}, ValueError, f"action must be one of {NAMES}, got None"),
         (
             {"params": "falcon"},
             ValueError,
-            "params must be one of 'crazyflie', 'hummingbird', 'racer', got 'falcon'",
+            "params must be one of 'crazyflie', 'crazyflie_brushless', 'hummingbird', 'racer', 'research_250', "
+            "'x500', 'x500_light', got 'falcon'",
         ),
         ({"params": {"mass": -1.0}}, ValueError, "mass must be a finite number > 0, got -1.0"),
         ({"params": None}, TypeError, "params must be a preset name, a mapping or a QuadrotorParams, got None"),

@@ -16,7 +16,7 @@ from quadsafe_env.simulation.world import Passed
 from quadsafe_env.vector_env import QuadrotorVectorEnv
 from quadsafe_env.vehicle.state import hover_state
 
-ACTIONS = ("velocity", "snap", "wrench")
+ACTIONS = ("velocity", "snap", "wrench", "rates", "attitude")
 KEYS = (
     "cost",
     "clearance",

@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import data_equivalence
 from scipy.spatial.transform import Rotation
 
 import quadsafe_env  # noqa: F401
-from quadsafe_env import Box, Conditions, Obstacles, Sphere
+from quadsafe_env import Box, Conditions, Obstacles, QuadrotorParams, Sphere
 from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.plain_spec import plain
 from quadsafe_env.settings import build_world
@@ -32,10 +32,16 @@ MAPPING = {
 KEYWORDS = {
     "nothing": ("Avoid", {}),
     "action": ("Avoid", {"action": np.str_("snap")}),
+    "action, body rates": ("Forest", {"action": "rates"}),
+    "action, attitude": ("Rooms", {"action": "attitude", "params": "x500_light"}),
     "params, a preset": ("Avoid", {"params": "racer"}),
     "params, a mapping": ("Avoid", {"params": {"preset": "racer", "mass": np.float32(0.9)}}),
     "params, a mapping with an array": ("Avoid", {"params": {"inertia": np.array([1.4e-5, 1.5e-5, 2e-5])}}),
     "params, a named tuple": ("Avoid", {"params": PRESETS["hummingbird"]}),
+    "params, of an airframe": (
+        "Avoid",
+        {"params": QuadrotorParams.from_airframe(mass=0.5, arm=0.11, motor_thrust_max=np.float64(4.0))},
+    ),
     "obstacles, lists": ("Avoid", {"obstacles": SPHERES}),
     "obstacles, tuples": ("Flight", {"obstacles": tuple(map(tuple, SPHERES)), "blocked": np.float32(0)}),
     "obstacles, an array": ("Avoid", {"obstacles": np.array(SPHERES)}),

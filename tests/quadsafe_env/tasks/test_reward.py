@@ -17,7 +17,7 @@ from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.tasks.obstacles import Spheres, clearance
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, reward
 from quadsafe_env.tasks.scene_columns import scene_memory, scenes_of
-from quadsafe_env.vehicle.actions import action_scale, velocity_gains
+from quadsafe_env.vehicle.actions import action_scale, gains_at
 from quadsafe_env.vehicle.flatness import flat_state
 from quadsafe_env.vehicle.params import PRESETS
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, VELOCITY, hover_state
@@ -26,7 +26,7 @@ from quadsafe_env.vehicle.yaw import YawHold, YawRange
 CRAZYFLIE = PRESETS["crazyflie"]
 PLANT = Plant(
     CRAZYFLIE,
-    gains=velocity_gains(0.01),
+    gains=gains_at(0.01),
     scale=action_scale("velocity", CRAZYFLIE),
     low=(-4.0, -4.0, -4.0),
     high=(4.0, 4.0, 4.0),

@@ -9,6 +9,7 @@ import pytest
 import quadsafe_env  # noqa: F401
 from quadsafe_env.simulation.world import Passed
 from quadsafe_env.vehicle.actions import (
+    INTERFACES,
     SNAP,
     SPEED,
     VELOCITY_POLE,
@@ -158,6 +159,8 @@ def test_full_wrench_gives_the_full_snap_at_hover(preset):
         ("velocity", [2, 2, 2, 2]),
         ("snap", [200, 200, 200, 10]),
         ("wrench", [0.027 * 200, 1.4e-5 * 200 / 9.81, 1.4e-5 * 200 / 9.81, 2.17e-5 * 10]),
+        ("rates", [0.5 * 0.95 * 9.81, 6, 6, 2]),
+        ("attitude", [0.5 * 0.95 * 9.81, math.pi / 6, math.pi / 6, 2]),
     ],
 )
 def test_action_scale(action, scale):
@@ -167,7 +170,7 @@ def test_action_scale(action, scale):
     np.testing.assert_allclose(env.action_scale, scale)
 
 
-@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+@pytest.mark.parametrize("action", INTERFACES)
 def test_entries_beyond_one_are_clipped(action):
     wild, tame = plant(action), plant(action)
     for entries in ([3.0, -1.5, 0.2, 7.0], [-9.0, 0.1, 1e30, -2.0]):
@@ -178,7 +181,7 @@ def test_entries_beyond_one_are_clipped(action):
 
 
 def test_unknown_action_interface():
-    with pytest.raises(ValueError, match=r"^action must be one of 'velocity', 'snap', 'wrench', got 'thrust'$"):
+    with pytest.raises(ValueError, match=r"^action must be one of 'velocity', .*, 'attitude', got 'thrust'$"):
         plant("thrust")
 
 
