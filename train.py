@@ -99,12 +99,9 @@ def watch(command: Watch) -> int:
     from agents.report import watch
 
     with errors_as_sentences():
-        run, is_shielded = runs.open_run(command.run), not command.no_shield
-        print(
-            watch.watch(
-                run, command.arm, command.seed, command.scene, is_shielded=is_shielded, video=command.video
-            )
-        )
+        how = {"side_by_side": command.side_by_side, "video": command.video}
+        who = (runs.open_run(command.run), command.arm, command.seed, command.scene)
+        print(watch.watch(*who, is_shielded=not command.no_shield, **how))
     return 0
 
 

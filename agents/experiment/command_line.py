@@ -102,8 +102,14 @@ class Watch:
     """Scene integer, as in flights.csv; that of the report unless given."""
     no_shield: bool = False
     """Take the shield away."""
+    side_by_side: bool = False
+    """Write a video of the scene without and with the shield, side by side."""
     video: Path | None = None
     """Write this .webp, .gif or .mp4 (with ffmpeg, see quadsafe[video]) in place of opening a window."""
+
+    def __post_init__(self):
+        if self.side_by_side and self.no_shield:
+            raise ValueError("no_shield must not come with side_by_side, which shows both")
 
 
 COMMANDS: dict[str, type] = {"evaluate": Evaluate, "export": Export, "report": Report, "watch": Watch}

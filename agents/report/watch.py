@@ -1,10 +1,12 @@
 """One flight of an agent of a run, in a window or as a video."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
@@ -65,6 +67,14 @@ class Flight:
         )
 
 
+def beside(flights: Sequence[Flight]) -> Iterator[NDArray[np.uint8]]:
+    """The frames of several flights side by side; one that is over shows its last."""
+    shown: list[Any] = [None] * len(flights)
+    for frames in zip_longest(*(flight.frames() for flight in flights)):
+        shown = [old if new is None else new for old, new in zip(shown, frames, strict=True)]
+        yield np.hstack(shown)
+
+
 def watch(
     run: Run,
     arm: str | None = None,
@@ -72,6 +82,7 @@ def watch(
     scene: int | None = None,
     *,
     is_shielded: bool = True,
+    side_by_side: bool = False,
     video: Path | None = None,
 ) -> str:
     """Show a flight of an agent of a run: as a video if one is asked for or there is no display.
@@ -80,6 +91,7 @@ def watch(
         run: the run.
         arm, seed, scene: who flies where; None for those of the run's trace, or the first.
         is_shielded: whether the shield is on.
+        side_by_side: a video of the scene without the shield, on the left, and with it, on the right.
         video: file to write, ``.mp4``, ``.webp`` or ``.gif``.
 
     Returns:
@@ -91,24 +103,31 @@ def watch(
     from quadsafe_env.pictures.window import has_display
 
     arm, seed, scene = chosen_flight(run, arm, seed, scene)
-    if video is None and not has_display():
-        video = run.folder / f"{arm}_seed{seed}_{scene}{'' if is_shielded else '_unshielded'}.webp"
+    if video is None and (side_by_side or not has_display()):
+        way = "_both" if side_by_side else "" if is_shielded else "_unshielded"
+        video = run.folder / f"{arm}_seed{seed}_{scene}{way}.webp"
     if video is not None:
         check_video(video)
-    env = make_env(
-        of_arm(run.experiment, ARMS[arm]), is_shielded, render_mode="human" if video is None else "rgb_array"
+    mode, ways = "human" if video is None else "rgb_array", (False, True) if side_by_side else (is_shielded,)
+    envs = [make_env(of_arm(run.experiment, ARMS[arm]), way, render_mode=mode) for way in ways]
+    flights = [Flight(env, agent_of(run, arm, seed, env), scene) for env in envs]
+    frames = tqdm(
+        beside(flights) if side_by_side else flights[0].frames(),
+        desc="flying",
+        unit=" frames",
+        delay=2.0,
+        disable=None,
     )
-    flight = Flight(env, agent_of(run, arm, seed, env), scene)
-    frames = tqdm(flight.frames(), desc="flying", unit=" frames", delay=2.0, disable=None)
     try:
         if video is None:
             for _ in frames:
                 pass
         else:
-            write_video(video, frames, env.metadata["render_fps"])
+            write_video(video, frames, envs[0].metadata["render_fps"])
     finally:
-        env.close()
-    who = f"Arm {arm}, seed {seed}. {flight.sentence()}"
+        for env in envs:
+            env.close()
+    who = " ".join([f"Arm {arm}, seed {seed}.", *(flight.sentence() for flight in flights)])
     return who + ("" if video is None else f" Video: {video}")
 
 

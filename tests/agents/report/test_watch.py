@@ -57,6 +57,23 @@ def test_the_video_has_the_flight_of_the_trace(run, ending, tmp_path, capsys):
         assert image.info["duration"] == 40
 
 
+def test_side_by_side_the_shorter_flight_waits_for_the_longer(run, tmp_path, capsys):
+    path = tmp_path / "both.webp"
+    assert train.main(["watch", str(run.folder), "--side-by-side", "--video", str(path)]) == 0
+    lengths, said = [len(traced(run, shielded)[1]) for shielded in (False, True)], capsys.readouterr().out
+    assert all(f"after {n} steps" in said for n in lengths) and said.index("no shield") < said.index(
+        "shield acted"
+    )
+    with Image.open(path) as image:
+        assert image.n_frames == max(lengths) + 1 and image.size == (960, 480)
+        image.seek(image.n_frames - 1)
+        last = np.asarray(image.convert("RGB"))
+        assert not np.array_equal(last[:, :480], last[:, 480:])
+    with pytest.raises(SystemExit, match="2"):
+        train.main(["watch", str(run.folder), "--side-by-side", "--no-shield"])
+    assert "no_shield must not come with side_by_side" in capsys.readouterr().err
+
+
 def test_without_a_display_the_scene_of_the_report_goes_into_the_run(run, monkeypatch, capsys):
     monkeypatch.setattr(window, "has_display", lambda: False)
     assert train.main(["watch", str(run.folder)]) == 0
