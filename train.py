@@ -5,6 +5,7 @@ python train.py -i RUN           go on with a run, or add arms and seeds to it
 python train.py evaluate RUN     the agents of a run again, on held-out scenes
 python train.py report RUN       tables and figures again, from the CSV files of a run
 python train.py watch RUN        a flight of one of its agents, in a window or as a video
+python train.py map FILE         a map of obstacles, with the straight ways of 50 scenes
 """
 
 import sys
@@ -12,6 +13,7 @@ from collections.abc import Sequence
 
 from agents.experiment.command_line import (
     Evaluate,
+    Map,
     Report,
     Train,
     Watch,
@@ -87,6 +89,15 @@ def watch(command: Watch) -> int:
     return 0
 
 
+def draw_map(command: Map) -> int:
+    """Draw a map with the straight ways of its scenes."""
+    from agents.report import reporting
+
+    with errors_as_sentences():
+        print(reporting.write_map(command.file, command.env, command.env_kwargs, command.flights, command.page))
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of the process."""
     with errors_as_sentences():
@@ -99,6 +110,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return report(command)
             case Watch():
                 return watch(command)
+            case Map():
+                return draw_map(command)
             case Train():
                 return train(command)
 

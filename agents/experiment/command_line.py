@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from agents.experiment.config import Experiment, Options, check_positive
+from agents.experiment.config import Experiment, Options, Pairs, check_positive
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Train:
 
     `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
     flies the agents of a run again, `train.py report RUN` makes its tables and figures again,
-    `train.py watch RUN` shows a flight; each has --help.
+    `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles; each has --help.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -66,8 +66,27 @@ class Watch:
     """Write this .webp, .gif or .mp4 (with a system ffmpeg) in place of opening a window."""
 
 
-COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report, "watch": Watch}
-Command = Train | Evaluate | Report | Watch
+@dataclass(frozen=True)
+class Map:
+    """Draw a map of obstacles with sampled starts and goals, before anything is trained on it."""
+
+    file: tyro.conf.Positional[Path]
+    """File of obstacles, see docs/maps.md."""
+    env: str = "QuadSafe/Avoid-v0"
+    """Id of the environment that flies among them."""
+    env_kwargs: Pairs = field(default_factory=dict)
+    """Further keywords of the environment, as start:[-2,0,1] goal:[[2,-1,1],[3,1,2]] blocked:0.8."""
+    flights: int = 50
+    """Number of scenes: 0, 1, 2, …"""
+    page: Path | None = None
+    """HTML file to write; logs/maps/NAME.html unless given."""
+
+    def __post_init__(self):
+        check_positive(self, "flights")
+
+
+COMMANDS: dict[str, type] = {"evaluate": Evaluate, "report": Report, "watch": Watch, "map": Map}
+Command = Train | Evaluate | Report | Watch | Map
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:
