@@ -7,6 +7,7 @@ python train.py evaluate M:NAME  a policy of yours, a callable or a model in a m
 python train.py export RUN       the policy of a run as an ONNX or TorchScript file
 python train.py report RUN       tables and figures again, from the CSV files of a run
 python train.py watch RUN        a flight of one of its agents, in a window or as a video
+python train.py map FILE         a map of obstacles, with the straight ways of 50 scenes
 """
 
 import sys
@@ -15,6 +16,7 @@ from collections.abc import Sequence
 from agents.experiment.command_line import (
     Evaluate,
     Export,
+    Map,
     Report,
     Train,
     Watch,
@@ -105,6 +107,15 @@ def watch(command: Watch) -> int:
     return 0
 
 
+def draw_map(command: Map) -> int:
+    """Draw a map with the straight ways of its scenes."""
+    from agents.report import reporting
+
+    with errors_as_sentences():
+        print(reporting.write_map(command.file, command.env, command.env_kwargs, command.flights, command.page))
+    return 0
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of the process."""
     with errors_as_sentences():
@@ -119,6 +130,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return report(command)
             case Watch():
                 return watch(command)
+            case Map():
+                return draw_map(command)
             case Train():
                 return train(command)
 

@@ -19,10 +19,15 @@ from quadsafe_core.nearest_word import did_you_mean
 class Train:
     """Train with and without the shield, and compare how often the two collide.
 
-    `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
-    flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
-    writes one for other programs, `train.py report RUN` makes its tables and figures again,
-    `train.py watch RUN` shows a flight; each has --help. `train.py --version` prints the version.
+        `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
+    <<<<<<< HEAD
+        flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
+        writes one for other programs, `train.py report RUN` makes its tables and figures again,
+        `train.py watch RUN` shows a flight; each has --help. `train.py --version` prints the version.
+    =======
+        flies the agents of a run again, `train.py report RUN` makes its tables and figures again,
+        `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles; each has --help.
+    >>>>>>> help-map
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -112,8 +117,33 @@ class Watch:
             raise ValueError("no_shield must not come with side_by_side, which shows both")
 
 
-COMMANDS: dict[str, type] = {"evaluate": Evaluate, "export": Export, "report": Report, "watch": Watch}
-Command = Train | Evaluate | Export | Report | Watch
+@dataclass(frozen=True)
+class Map:
+    """Draw a map of obstacles with sampled starts and goals, before anything is trained on it."""
+
+    file: tyro.conf.Positional[Path]
+    """File of obstacles, see docs/maps.md."""
+    env: str = "QuadSafe/Avoid-v0"
+    """Id of the environment that flies among them."""
+    env_kwargs: Pairs = field(default_factory=dict)
+    """Further keywords of the environment, as start:[-2,0,1] goal:[[2,-1,1],[3,1,2]] blocked:0.8."""
+    flights: int = 50
+    """Number of scenes: 0, 1, 2, …"""
+    page: Path | None = None
+    """HTML file to write; logs/maps/NAME.html unless given."""
+
+    def __post_init__(self):
+        check_positive(self, "flights")
+
+
+COMMANDS: dict[str, type] = {
+    "evaluate": Evaluate,
+    "export": Export,
+    "report": Report,
+    "watch": Watch,
+    "map": Map,
+}
+Command = Train | Evaluate | Export | Report | Watch | Map
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:

@@ -51,6 +51,36 @@ def flights(trace: Trace) -> go.Figure:
     )
 
 
+def straight_ways(
+    scene: dict[str, Any],
+    starts: NDArray[np.float64],
+    goals: NDArray[np.float64],
+    is_blocked: NDArray[np.bool_],
+) -> go.Figure:
+    """A map with the straight ways of many scenes.
+
+    Args:
+        scene: its obstacles as mappings, its keep_out, m, and one of its goals.
+        starts, goals: (N, 3), m.
+        is_blocked: (N,), whether an obstacle is in the way.
+    """
+    figure = blank(640, margin={"l": 0, "r": 0, "t": 8, "b": 0})
+    figure.add_traces(surroundings(scene, np.concatenate([starts, goals])))
+    ways = np.stack([starts, goals, np.full_like(goals, np.nan)], axis=1)
+    for name, chosen, color in (("blocked", is_blocked, WITHOUT), ("free", ~is_blocked, SHIELDED)):
+        figure.add_trace(_path(ways[chosen].reshape(-1, 3), f"the straight way is {name}", color, 4))
+    for name, points, symbol in (("start", starts, "circle"), ("goal", goals, "diamond")):
+        x, y, z = points.T
+        marker = {"color": INK, "size": 3, "symbol": symbol}
+        figure.add_trace(go.Scatter3d(x=x, y=y, z=z, mode="markers", name=name, marker=marker))
+    eye = _eye(starts.mean(axis=0).tolist(), goals.mean(axis=0).tolist())
+    titles = {f"{axis}axis": {"title": {"text": f"{axis}, m"}, "nticks": 6} for axis in AXES}
+    return figure.update_layout(
+        scene={"aspectmode": "data", "camera": {"eye": eye}, "dragmode": "turntable", **titles},
+        legend={"y": 0.99, "yanchor": "top", "itemsizing": "constant"},
+    )
+
+
 def surroundings(scene: dict[str, Any], paths: NDArray[np.float64]) -> list[go.Mesh3d]:
     """The obstacles of a scene, what to keep free of them, and walls as far as paths (M, 3) and bodies go."""
     shapes, keep_out = [shape_from(value) for value in scene["obstacles"]], scene["keep_out"]

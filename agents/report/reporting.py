@@ -1,18 +1,27 @@
-"""The report of a run, made of its files: tables as text and CSV, figures as one page."""
+"""The report of a run, made of its files: tables as text and CSV, figures as one page. The page of a map."""
 
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 from tqdm import tqdm
 
 from agents.experiment.files import write_csv, write_text
 from agents.experiment.runs import Run
 from agents.measure import results
-from agents.report import tables
+from agents.report import flight_figures, tables
 from agents.report.headline import headline
 from agents.report.html_page import html_page
-from agents.report.run_figures import run_figures
+from agents.report.run_figures import CaptionedFigure, run_figures
+from quadsafe_core.checks import one_of
+from quadsafe_env import load_obstacles
+from quadsafe_env.registration import IDS
 
+MAPS = Path("logs") / "maps"
+WAYS = (
+    "A way is blocked if who flies straight from start to goal at 1 m/s comes nearer to an obstacle than the "
+    "vehicle's radius, wherever that is by then; obstacles are drawn where they are at the beginning."
+)
 RECORDS = {"config.yml": "Settings", "provenance.yml": "Versions and scenes"}
 
 
@@ -53,6 +62,45 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
         note=" ".join(tables.NOTE.split()),
         records={name: path.read_text(encoding="utf-8") for name, path in files.items() if path.exists()},
     )
+
+
+def write_map(file: Path, env: str, env_kwargs: dict[str, Any], count: int, page: Path | None = None) -> str:
+    """Write a page with a map and straight ways of scenes 0, 1, …; say how many are blocked and where it is.
+
+    Args:
+        file: of obstacles, for ``quadsafe_env.load_obstacles``.
+        env: id of the environment among them.
+        env_kwargs: its further keywords.
+        count: number of scenes.
+        page: to write; None for one in ``MAPS``.
+
+    Raises:
+        ValueError, TypeError, OSError: for a map that cannot be read, or flown in.
+    """
+    one_of("env", env, tuple(IDS))
+    if "obstacles" in env_kwargs:
+        raise ValueError("env_kwargs must leave out obstacles, which FILE has, got both")
+    rows: Any = gymnasium.make_vec(env, count, obstacles=load_obstacles(file), **env_kwargs)
+    rows.reset(options={"scene": list(range(count))})
+    plant = rows.unwrapped
+    starts, goals, blocked = plant.flat_state()[:, 0], plant.goal, plant.is_blocked
+    shapes = [shape.as_dict() for shape in next(iter(plant.obstacles))]
+    scene = {"obstacles": shapes, "keep_out": plant.obstacles.keep_out, "goal": goals[0].tolist()}
+    found = f"The straight way is blocked in {blocked.sum()} of {count} scenes ({100 * blocked.mean():.0f} %)."
+    figure = flight_figures.straight_ways(scene, starts, goals, blocked)
+    text = html_page(
+        title=file.name,
+        subtitle=f"{len(shapes)} obstacles and walls, flown among in {env}",
+        headline=[("Straight ways", found)],
+        tables={},
+        figures=[CaptionedFigure("map", "The map", WAYS, figure)],
+        note="Scene k is the one of reset(options={'scene': k}).",
+        records={"Keywords": "\n".join(f"{key}: {value!r}" for key, value in env_kwargs.items()) or "none"},
+    )
+    page = MAPS / f"{file.stem}.html" if page is None else page
+    page.parent.mkdir(parents=True, exist_ok=True)
+    write_text(page, text)
+    return f"{found} Drawn: {page}"
 
 
 def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
