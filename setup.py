@@ -1,6 +1,6 @@
 """What a package index shows. All else is in pyproject.toml.
 
-An index shows the README without its folder: pictures and links must say where the project is published.
+An index shows the README without its folder: its pictures and links must say where the project is published.
 Whoever builds for one says so, as PROJECT_URL=https://github.com/OWNER/NAME; without it they stay as they are.
 """
 

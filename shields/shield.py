@@ -89,7 +89,7 @@ class Shield:
         max_closing_jerk: bound of −R⃛, m/s³, or None.
 
     Raises:
-        ValueError: for a setting out of its range.
+        ValueError: for a setting out of its range, or one of "sampled" only with another method.
 
     Reference: Section V, equation (33); for "sampled" see ``shields.filters.sampled``,
     ``shields.methods.halfspace`` and ``shields.backup.certificate``.

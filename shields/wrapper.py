@@ -107,6 +107,7 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         info_format: str = "nested",
         **settings: Any,
     ):
+        _check_env(env, gymnasium.Env, "VectorShieldWrapper takes vector environments")
         self._format = _format(info_format)
         _check_settings("ShieldWrapper", settings)
         shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
@@ -182,6 +183,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         info_format: str = "nested",
         **settings: Any,
     ):
+        _check_env(env, gymnasium.vector.VectorEnv, "ShieldWrapper takes single ones")
         super().__init__(env)
         self._format = _format(info_format)
         _check_settings("VectorShieldWrapper", settings)
@@ -232,6 +234,11 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         return self._format(self._installation.recorder.summary(mask), mask)
+
+
+def _check_env(env: Any, kind: type, other: str) -> None:
+    if not isinstance(env, kind):
+        raise TypeError(f"env must be a {kind.__module__.split('.')[0]} {kind.__name__}, got {env!r}; {other}")
 
 
 def _check_settings(wrapper: str, settings: Mapping[str, Any]) -> None:

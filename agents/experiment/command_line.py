@@ -19,15 +19,11 @@ from quadsafe_core.nearest_word import did_you_mean
 class Train:
     """Train with and without the shield, and compare how often the two collide.
 
-        `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
-    <<<<<<< HEAD
-        flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
-        writes one for other programs, `train.py report RUN` makes its tables and figures again,
-        `train.py watch RUN` shows a flight; each has --help. `train.py --version` prints the version.
-    =======
-        flies the agents of a run again, `train.py report RUN` makes its tables and figures again,
-        `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles; each has --help.
-    >>>>>>> help-map
+    `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
+    flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
+    writes one for other programs, `train.py report RUN` makes its tables and figures again,
+    `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles; each has --help.
+    `train.py --version` prints the version.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)

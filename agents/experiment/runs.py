@@ -154,9 +154,12 @@ def open_run(folder: str | Path) -> Run:
     """The run in a folder.
 
     Raises:
+        TypeError: for what is no path.
         FileNotFoundError: if it is not a run folder.
         ValueError: for a config.yml that is no experiment.
     """
+    if not isinstance(folder, str | Path):
+        raise TypeError(f"run must be a path, got {folder!r}")
     config = Path(folder) / "config.yml"
     if not config.is_file():
         raise FileNotFoundError(f"run must be a folder with a config.yml, got {str(folder)!r}")

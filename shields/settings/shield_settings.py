@@ -20,6 +20,8 @@ FREE_NUMBERS: Mapping[str, Any] = MappingProxyType(
         "gravity": 9.81,
     }
 )
+# What method "cbf" has no use for.
+SAMPLED_ONLY = ("held_snap_max", "jerk_max", "thrust_min", "thrust_max", "gravity")
 
 
 def checked_settings(
@@ -39,6 +41,7 @@ def checked_settings(
         ValueError, TypeError: naming the setting, what was expected and what came.
     """
     free = {name: given[name] for name in FREE_NUMBERS}
+    _refuse_unused(method, free)
     vehicle = _free_numbers(free) if authority is None else _bound_numbers(free, method, authority)
     return {
         "method": method,
@@ -48,6 +51,13 @@ def checked_settings(
         "uncertainty": _declared(method, uncertainty),
         **{name: _optional(name, value) for name, value in given.items() if name not in FREE_NUMBERS},
     }
+
+
+def _refuse_unused(method: str, given: Mapping[str, float | None]) -> None:
+    """The defaults may be said, as ``Shield.settings`` does."""
+    for name in SAMPLED_ONLY if method != "sampled" else ():
+        if given[name] is not None and given[name] != FREE_NUMBERS[name]:
+            raise ValueError(f"{name} must be left out with method {method!r}, got {given[name]!r}")
 
 
 def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
