@@ -32,6 +32,8 @@ def load_obstacles(path: str | PathLike[str], scale: float = 1.0, concavity: flo
         ImportError: if a package is missing.
         TypeError, ValueError: for what is none of these files, and for what they say that no shape can be.
     """
+    if not isinstance(path, str | PathLike):
+        raise TypeError(f"path must be the path of a file, got {path!r}")
     file = Path(path)
     if not file.is_file():
         raise FileNotFoundError(f"path must be a file, got {str(path)!r}")

@@ -17,7 +17,7 @@ from shields.interface.row_checks import braking
 
 # Relative to the body that is left, m/s; triple pole of the feedback on (v, a, j), 1/s.
 RECOVERY_SPEED, RECOVERY_POLE = 1.0, 6.0
-# Ways out that are tried beside those away from the centres: up first, where nothing else decides.
+# Ways out that are tried beside those away from the centres: of equals the first, up.
 AXES = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 # Where there is no formula a way out is stepped along, m, so often at most.
 STRIDE, STRIDES = 1e-3, 256
@@ -61,9 +61,9 @@ def nearest_exit(point, bodies, margin):
     """Direction of the shortest way out that is tried; the body that the point is deepest in, −1 for none.
 
     Tried are the ways straight away from each body around the point, from the middle of these, and along the
-    axes.
+    axes. Where none of them is a way out, as between walls that are too close, the direction is 0.
     """
-    best, shortest, deepest, depth, away = AXES[0], math.inf, -1, 0.0, NOTHING
+    best, shortest, deepest, depth, away = NOTHING, math.inf, -1, 0.0, NOTHING
     for k in range(bodies.keep_out.shape[0]):
         core, gap = entry_at(bodies.cores, k), subtract(point, vector(bodies.center[k]))
         keep, (distance, way) = widened(core, bodies.keep_out[k], margin), look_at(core, gap)
@@ -84,7 +84,7 @@ def nearest_exit(point, bodies, margin):
 
 @inline_kernel
 def leaving_snap(x, way, drift, gains):
-    """Snap towards the recovery speed along a way, relative to a body that moves at ``drift``."""
+    """Snap towards the recovery speed along a way, 0 for rest, relative to a body that moves at ``drift``."""
     wanted = combined(drift, RECOVERY_SPEED, way)
     return braking(subtract(x.v, wanted), x.a, x.j, gains)
 

@@ -69,6 +69,8 @@ def test_other_files_are_refused(written, tmp_path):
         load_obstacles(tmp_path / "none.json")
     with pytest.raises(FileNotFoundError, match="path must be a file"):
         load_obstacles(tmp_path)
+    with pytest.raises(TypeError, match=r"^path must be the path of a file, got 5$"):
+        load_obstacles(5)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"path must end in one of \.json, .*\.off, got '\.dae'"):
         load_obstacles(written("", "room.dae"))
     with pytest.raises(ValueError, match=r"scale and concavity are of triangle meshes, got 0\.001 and 0\.05"):

@@ -230,6 +230,23 @@ def test_from_within_a_body_a_vehicle_leaves_at_a_bounded_speed(name):
     assert answer.certified.all()
 
 
+@pytest.mark.parametrize("width", [0.199, 0.2])
+def test_between_walls_without_a_way_out_a_vehicle_comes_to_rest(width):
+    walls = [HalfSpace((0, 0, 1), 0.0), HalfSpace((0, 0, -1), -width)]
+    packed, shield, flat = Obstacles.pack(walls, KEEP_OUT), Shield(), np.zeros((4, 3))
+    flat[0, 2], flat[1] = width / 2, (0.5, 0.0, 0.01)
+    for _ in range(200):
+        flat = moved(flat, shield.filter(flat, packed, np.array([0.0, 0.0, 300.0]), PERIOD).snap, PERIOD)
+    assert abs(flat[0, 2] - width / 2) < 0.02
+    assert np.linalg.norm(flat[1]) < 1e-3
+    # With room beside the lower wall it leaves it.
+    packed, flat = Obstacles.pack(walls[:1], KEEP_OUT), np.zeros((4, 3))
+    shield.reset()
+    for _ in range(200):
+        flat = moved(flat, shield.filter(flat, packed, np.zeros(3), PERIOD).snap, PERIOD)
+    assert flat[0, 2] > KEEP_OUT
+
+
 def test_the_cbf_method_takes_spheres_only_and_says_so():
     shield, flat = Shield(method="cbf"), np.zeros((4, 3))
     flat[0] = 3.0, 0.0, 0.0
