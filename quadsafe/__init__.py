@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         Sphere,
         shape_from,
     )
-    from quadsafe_env import CONDITIONS, Conditions, Map, load_obstacles
+    from quadsafe_env import CONDITIONS, Airframe, Conditions, Map, load_obstacles
     from quadsafe_env.env import QuadrotorEnv
     from quadsafe_env.vector_env import QuadrotorVectorEnv
     from quadsafe_env.vehicle.params import QuadrotorParams
@@ -30,11 +30,12 @@ register_environments()
 __version__ = version("quadsafe")
 __all__ = ["Authority", "Filtered", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
-__all__ += ["CONDITIONS", "Conditions", "Map", "load_obstacles"]
+__all__ += ["CONDITIONS", "Airframe", "Conditions", "Map", "load_obstacles"]
 __all__ += ["QuadrotorEnv", "QuadrotorParams", "QuadrotorVectorEnv", "load"]
 
 # What is not of ``shields``, which shows the shapes too.
 _ELSEWHERE = {
+    "Airframe": "quadsafe_env",
     "CONDITIONS": "quadsafe_env",
     "Conditions": "quadsafe_env",
     "Map": "quadsafe_env",

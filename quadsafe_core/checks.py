@@ -39,6 +39,18 @@ def shaped_array(name: str, value: ArrayLike, trailing: Sequence[int | str] = ()
     return array
 
 
+def exact_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """``value`` as finite float64 of exactly this shape.
+
+    Raises:
+        TypeError, ValueError: for anything else.
+    """
+    array = finite_array(name, value)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    return array
+
+
 def output_array(name: str, value: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
     """``value`` if results of this shape can be written into it as it is."""
     if not (isinstance(value, np.ndarray) and value.dtype == FLOAT and value.flags.carray):

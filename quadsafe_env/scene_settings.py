@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import finite_array, finite_number
-from quadsafe_core.shapes import Obstacles, Shape
+from quadsafe_core.checks import exact_array, finite_array, finite_number
+from quadsafe_core.shapes import HalfSpace, Obstacles, Shape
 from quadsafe_env.tasks.ends import NO_BOXES, GivenEnds, with_given_ends
 from quadsafe_env.tasks.gates import MOST, GatesTask
 from quadsafe_env.tasks.rooms import FURNITURE, RoomsTask
@@ -119,6 +119,28 @@ def boxes_of(name: str, value: Any) -> NDArray[np.float64]:
                 f"{[low.tolist(), high.tolist()]}; two points p and q are the boxes [[p, p], [q, q]]"
             )
     return boxes
+
+
+def walls_of(bounds: Sequence[Sequence[float]], vehicle_radius: float) -> list[HalfSpace]:
+    """Six walls, which leave free what is within a box.
+
+    Args:
+        bounds: (2, 3) the lowest and the highest corner, m.
+        vehicle_radius: m.
+
+    Raises:
+        TypeError, ValueError: for what is no such box, or one that a vehicle does not fit into.
+    """
+    low, high = exact_array("bounds", bounds, (2, 3))
+    if not (low + 2.0 * vehicle_radius < high).all():
+        raise ValueError(
+            f"bounds must be [low, high], high above low by more than the vehicle's {2.0 * vehicle_radius:g} m "
+            f"in x, y and z, got {[low.tolist(), high.tolist()]}"
+        )
+    below = [HalfSpace(normal, offset) for normal, offset in zip(np.eye(3), low.tolist(), strict=True)]
+    # 0.0 − 0.0 is 0.0, and −0.0 would be shown.
+    above = [HalfSpace(0.0 - normal, 0.0 - offset) for normal, offset in zip(np.eye(3), high, strict=True)]
+    return below + above
 
 
 def _with_ends(task: Task, starts: NDArray[np.float64], goals: NDArray[np.float64]) -> GivenEnds:

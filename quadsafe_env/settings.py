@@ -9,7 +9,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import (
-    finite_array,
+    exact_array,
     keywords_of,
     known_keywords,
     one_of,
@@ -17,11 +17,11 @@ from quadsafe_core.checks import (
     real_array,
 )
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
-from quadsafe_core.shapes import HalfSpace, Obstacles, shapes_from
+from quadsafe_core.shapes import Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.camera import camera_from, picture_size
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
-from quadsafe_env.scene_settings import furnished, mapped, within
+from quadsafe_env.scene_settings import furnished, mapped, walls_of, within
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
@@ -175,28 +175,6 @@ def check_keywords(maker: str, settings: Mapping[str, Any], own: tuple[str, ...]
     known_keywords(maker, [name for name in settings if name != "task"], known)
 
 
-def walls_of(bounds: Sequence[Sequence[float]], vehicle_radius: float) -> list[HalfSpace]:
-    """Six walls, which leave free what is within a box.
-
-    Args:
-        bounds: (2, 3) the lowest and the highest corner, m.
-        vehicle_radius: m.
-
-    Raises:
-        TypeError, ValueError: for what is no such box, or one that a vehicle does not fit into.
-    """
-    low, high = exact_array("bounds", bounds, (2, 3))
-    if not (low + 2.0 * vehicle_radius < high).all():
-        raise ValueError(
-            f"bounds must be [low, high], high above low by more than the vehicle's {2.0 * vehicle_radius:g} m "
-            f"in x, y and z, got {[low.tolist(), high.tolist()]}"
-        )
-    below = [HalfSpace(normal, offset) for normal, offset in zip(np.eye(3), low.tolist(), strict=True)]
-    # 0.0 − 0.0 is 0.0, and −0.0 would be shown.
-    above = [HalfSpace(0.0 - normal, 0.0 - offset) for normal, offset in zip(np.eye(3), high, strict=True)]
-    return below + above
-
-
 def scene_integer(name: str, value) -> int:
     """``value`` as a scene integer, 0 <= k < 2^64.
 
@@ -232,18 +210,6 @@ def check_begun(has_begun: bool) -> None:
     """
     if not has_begun:
         raise ResetNeeded("reset must be called before the first step, got a step without it")
-
-
-def exact_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """``value`` as finite float64 of exactly this shape.
-
-    Raises:
-        TypeError, ValueError: for anything else.
-    """
-    array = finite_array(name, value)
-    if array.shape != shape:
-        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
-    return array
 
 
 def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float32]:

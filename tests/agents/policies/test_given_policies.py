@@ -217,7 +217,9 @@ def test_actions_of_another_shape_are_said():
 
 
 def test_the_map_the_vehicle_and_the_rates_of_an_env_are_flown():
-    env = make_env(Experiment(env_kwargs={"obstacles": [[9.0, 0.0, 0.0, 0.1]]}), is_shielded=False)
+    env = make_env(
+        Experiment(env_kwargs={"obstacles": [[9.0, 0.0, 0.0, 0.1]], "blocked": 0}), is_shielded=False
+    )
     found = agents.evaluate(AtTheGoal(), env, [FIRST_HELD_OUT, FIRST_HELD_OUT + 1])
     # Far from the only sphere nobody collides; in the scenes of the task this pilot does.
     assert (found.without["clearance"] > 3.0).all()

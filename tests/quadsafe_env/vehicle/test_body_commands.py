@@ -26,7 +26,7 @@ from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, hover_state
 from shields import ShieldWrapper, VectorShieldWrapper
 
 PERIOD, GRAVITY = 0.01, 9.81
-CLOSE = {"obstacles": [[2.0, -1.0, 0.0, 0.5]], "terminate_on_violation": False}
+CLOSE = {"obstacles": [[2.0, -1.0, 0.0, 0.5]], "terminate_on_violation": False, "blocked": 0.0}
 # Raised so that the height is kept at 30°.
 LEVEL = 9.81 * (1 / math.cos(math.pi / 6) - 1) / action_scale("attitude", PRESETS["crazyflie"])[0]
 
