@@ -249,8 +249,8 @@ def test_the_good_arguments_are_taken(name):
 
 def test_every_public_class_has_its_row():
     classes = {name for name in quadsafe.__all__ if inspect.isclass(getattr(quadsafe, name))}
-    # A list of what a file holds; parameters are checked where a vehicle is made of them, in QuadrotorEnv; what an
-    # airframe does not take is in tests/quadsafe_env/vehicle/test_params.py.
+    # A list of what a file holds; parameters are checked where a vehicle is made of them, in QuadrotorEnv; for
+    # an airframe see tests/quadsafe_env/vehicle/test_params.py.
     assert classes - {"Map", "QuadrotorParams", "Airframe"} == set(CONSTRUCTORS)
 
 

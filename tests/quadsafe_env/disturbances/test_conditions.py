@@ -594,10 +594,7 @@ def test_the_randomised_preset_flies():
     [
         ("stormy", "conditions must be one of 'off', 'indoor', 'randomised', got 'stormy'"),
         ({"preset": "stormy"}, "conditions preset must be one of 'off', 'indoor', 'randomised', got 'stormy'"),
-        (
-            {"winds": 1.0},
-            "a field of conditions must be one of 'position_noise', .*, got 'winds'; did you mean 'wind'?",
-        ),
+        ({"winds": 1.0}, r"a field of conditions must be one of .*, got 'winds'; did you mean 'wind'\?"),
         (3, "conditions must be a preset name, a mapping or Conditions, got 3"),
         ([0.0, 1.0], "conditions as a sequence must hold position_noise, .*, got 2 values"),
         ({"wind": -1.0}, "wind must be a finite number >= 0, got -1.0"),
