@@ -19,7 +19,7 @@ from quadsafe_core.checks import (
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import Obstacles, shapes_from
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
-from quadsafe_env.pictures.camera import camera_from, picture_size
+from quadsafe_env.pictures.camera import camera_from, picture_size, text
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.scene_settings import furnished, mapped, walls_of, within
 from quadsafe_env.simulation.rates import Rates
@@ -90,6 +90,7 @@ def build_world(
     conditions=None,
     render_size: int = 480,
     camera=None,
+    caption: str = "",
 ) -> World:
     """A world of ``n`` rows.
 
@@ -122,7 +123,8 @@ def build_world(
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
         render_size: side of pictures, pixels, 32 to 2048.
         camera: where pictures are seen from: a mapping of some of azimuth, elevation (degrees), distance (m),
-            follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the way from start to goal.
+            follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the whole map.
+        caption: a text in the upper right corner of pictures, as who flies.
 
     Warns:
         UserWarning: where numbers of the vehicle do not fit together, see ``fitting``.
@@ -160,6 +162,7 @@ def build_world(
         "rotor_limits": _flag("rotor_limits", rotor_limits),
     }
     looks = {"camera": camera_from(camera), "size": picture_size("render_size", render_size)}
+    looks["caption"] = text("caption", caption)
     if render_mode is not None:
         kept |= looks
     met = conditions_from(conditions)

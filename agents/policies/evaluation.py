@@ -26,7 +26,7 @@ from quadsafe_env.registration import IDS
 from quadsafe_env.settings import scene_integer
 
 # They decide what is seen, not what is flown.
-OF_PICTURES = ("render_mode", "render_size", "camera")
+OF_PICTURES = ("render_mode", "render_size", "camera", "caption")
 
 
 @dataclass(frozen=True)

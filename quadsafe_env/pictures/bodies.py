@@ -1,6 +1,7 @@
 """The bodies of one world as pictures know them, and each of them seen along the rays of a picture."""
 
 import math
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,8 @@ Rectangle = tuple[int, int, int, int]
 
 # What does not move from a pixel to the next.
 STILL = (0.0, 0.0, 0.0)
+# Volume of three unit normals; planes that are closer to one another meet where nobody looks.
+LEAST_VOLUME = 0.1
 GOAL_INDEX = -1
 
 
@@ -81,6 +84,29 @@ def plane_of(body: Body) -> NDArray[np.float64]:
     """Unit normal of a half-space and the height of its plane along that, (4,)."""
     normal = body.core["axes"][0]
     return np.append(normal, normal @ body.center + body.solid)
+
+
+def corners_of(obstacles: Obstacles) -> NDArray[np.float64]:
+    """Corners (M, 3) of the boxes around bodies in their shells, and those where half-spaces meet, m."""
+    bodies = bodies_of(obstacles)
+    boxes = [_box_corners(body) for body in bodies if not is_wall(body)]
+    planes = np.array([plane_of(body) for body in bodies if is_wall(body)]).reshape(-1, 4)
+    return np.vstack([*boxes, _meetings(planes)])
+
+
+def _box_corners(body: Body) -> NDArray[np.float64]:
+    beyond, before = body.reaches(np.eye(3), body.kept)
+    sides = np.array([body.center - before, body.center + beyond])
+    return np.array([[sides[i, 0], sides[j, 1], sides[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+
+
+def _meetings(planes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Points (M, 3) where three planes (K, 4) meet that are before all others, as the corners of a room."""
+    triples = planes[list(combinations(range(len(planes)), 3))].reshape(-1, 3, 4)
+    triples = triples[np.abs(np.linalg.det(triples[:, :, :3])) > LEAST_VOLUME]
+    points: NDArray[np.float64] = np.linalg.solve(triples[:, :, :3], triples[:, :, 3:])[..., 0].astype(float)
+    before = points @ planes[:, :3].T - planes[:, 3]
+    return points[(before >= -1e-9 * (1.0 + np.abs(planes[:, 3]))).all(axis=1)]
 
 
 def rays_of(view: View) -> Rays:

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.shapes import Obstacles
-from quadsafe_env.pictures.camera import Camera
+from quadsafe_env.pictures.bodies import corners_of
+from quadsafe_env.pictures.camera import NO_CORNERS, STRAIGHT, Camera, Steering
 from quadsafe_env.pictures.trail import Past, Trail
 from quadsafe_env.simulation.surroundings import copied_row
 from quadsafe_env.simulation.world import World
@@ -24,18 +25,27 @@ class FilmedWorld(World):
         params: the vehicle.
         camera: where pictures are seen from.
         size: pixels of a picture's side.
+        caption: a text in the pictures.
         settings: the keywords of ``World``.
     """
 
     def __init__(
-        self, n: int, task: Task, params: QuadrotorParams, *, camera: Camera, size: int, **settings: Any
+        self,
+        n: int,
+        task: Task,
+        params: QuadrotorParams,
+        *,
+        camera: Camera,
+        size: int,
+        caption: str,
+        **settings: Any,
     ):
         super().__init__(n, task, params, **settings)
-        self._camera, self._size = camera, size
+        self._looks: dict[str, Any] = {"camera": camera, "size": size, "caption": caption}
 
     def _allocate(self, k: int) -> None:
         super()._allocate(k)
-        self._trails = [Trail(state[:3]) for state in self.states]
+        self._trails, self._corners = [Trail(state[:3]) for state in self.states], [NO_CORNERS] * self.n
         self._is_corrected, self._obstacle = np.zeros(self.n, dtype=np.bool_), np.full(self.n, -1)
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
@@ -51,6 +61,8 @@ class FilmedWorld(World):
         self._is_corrected[rows], self._obstacle[rows] = False, -1
         for i in rows:
             self._trails[i] = Trail(self.states[i, :3])
+            # Bodies that move do not move the camera.
+            self._corners[i] = corners_of(self.obstacles_of(i))
 
     def step(self, actions: NDArray) -> NDArray[np.float32]:
         """One policy step of every row, which the trails follow."""
@@ -62,15 +74,19 @@ class FilmedWorld(World):
 
     def past(self, row: int) -> Past:
         """What led to where a row is."""
-        return Past(*self._trails[row].arrays(), bool(self._is_corrected[row]), int(self._obstacle[row]))
+        trail, now = self._trails[row], (bool(self._is_corrected[row]), int(self._obstacle[row]))
+        return Past(*trail.arrays(), *now, trail.age, trail.age / self.rates.policy)
 
     def picture(self, row: int) -> NDArray[np.uint8]:
         """An RGB frame (size, size, 3) of a row."""
         from quadsafe_env.pictures.render import frame
 
         state, start, goal = self.states[row], self.scenes.start[row], self.scenes.goal[row]
-        looks: Any = {"past": self.past(row), "camera": self._camera, "size": self._size}
-        return frame(state, goal, self.obstacles_of(row), self.params, start, **looks)
+        seen: Any = {"past": self.past(row), "corners": self._corners[row], "steering": self._steering()}
+        return frame(state, goal, self.obstacles_of(row), self.params, start, **seen, **self._looks)
+
+    def _steering(self) -> Steering:
+        return STRAIGHT
 
     def obstacles_of(self, row: int) -> Obstacles:
         """The obstacles of a row, as they stand."""
@@ -95,6 +111,9 @@ class ShownWorld(FilmedWorld):
         observations = super().step(actions)
         self._window.show(self.picture(0))
         return observations
+
+    def _steering(self) -> Steering:
+        return self._window.steering
 
     def close(self) -> None:
         """Close the window."""

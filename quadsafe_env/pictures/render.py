@@ -5,14 +5,15 @@ leaves. The vehicle is drawn larger than it is: what counts is its centre agains
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.distance import signed_distance
-from quadsafe_env.pictures.bodies import GOAL_INDEX, triple
-from quadsafe_env.pictures.camera import BESIDE, NEAREST, Camera, View, view_of
+from quadsafe_env.pictures.bodies import GOAL_INDEX, corners_of, triple
+from quadsafe_env.pictures.camera import BESIDE, NEAREST, STRAIGHT, Camera, Steering, View, view_of
 from quadsafe_env.pictures.painting import Marks, mark_path, no_marks, paint_marks, paint_shell, paint_stamp
 from quadsafe_env.pictures.scenery import Scenery, scenery_of
 from quadsafe_env.pictures.sprites import BOTTOM, GOAL, WALL, Color, Patch, blend, circle, font, pygame
@@ -27,6 +28,16 @@ TRAIL = (132, 156, 196)
 START, TEXT = (150, 162, 184), (222, 229, 240)
 ARM, ROTOR, NOSE, LIFT = (236, 240, 247), (126, 190, 255), (255, 178, 66), (255, 226, 120)
 
+LEAST_LABELLED = 96  # pixels; in a smaller picture letters would hide it
+
+
+class Label(NamedTuple):
+    """A line of text, and the pixel of its upper left corner."""
+
+    image: pygame.Surface
+    left: int
+    top: int
+
 
 def frame(
     state: NDArray[np.float64],
@@ -38,6 +49,9 @@ def frame(
     past: Past = NO_PAST,
     camera: Camera = BESIDE,
     size: int = 480,
+    corners: NDArray[np.float64] | None = None,
+    steering: Steering = STRAIGHT,
+    caption: str = "",
 ) -> NDArray[np.uint8]:
     """A picture of one vehicle in its scene.
 
@@ -49,12 +63,16 @@ def frame(
         start: where the episode began, (3,), m; it keeps the camera still.
         past: the path to here, and what the filter does.
         camera: where it is seen from.
-        size: pixels of its side.
+        size: pixels of its side; below ``LEAST_LABELLED`` there are no letters in it.
+        corners: what is to be seen beside way and vehicle, (M, 3), m; None for all bodies as they stand.
+        steering: what a mouse has done to the camera.
+        caption: a text for the upper right corner.
 
     Returns:
         RGB, (size, size, 3).
     """
-    view = view_of(state[POSITION:VELOCITY], goal, start, camera, size)
+    corners = corners_of(obstacles) if corners is None else corners
+    view = view_of(state[POSITION:VELOCITY], goal, start, camera, size, corners=corners, steering=steering)
     scenery = scenery_of(view, obstacles, start, goal)
     canvas, depth = scenery.canvas.copy(), scenery.depth.copy()
     position, gaps = state[POSITION:VELOCITY], gaps_of(state, scenery)
@@ -66,8 +84,9 @@ def frame(
     draw_glass(scenery, canvas, depth, tints)
     draw_walls(scenery.near_walls, canvas, depth, tints)
     surface = pygame.image.frombuffer(canvas.data, (size, size), "RGB")
-    draw_readings(surface, state, goal, gaps, params)
     draw_notice(surface, past)
+    readings = readings_of(state, goal, gaps, params, past)
+    draw_labels(surface, labels_of(size, readings, past.is_corrected, caption))
     return canvas
 
 
@@ -161,26 +180,61 @@ def draw_walls(walls: tuple[list[int], Marks] | None, canvas, depth, tints: dict
         )
 
 
-def draw_readings(surface: pygame.Surface, state, goal, gaps, params: QuadrotorParams) -> None:
-    """Numbers to debug by, along the lower edge."""
-    size, nearest = surface.get_width(), gaps.min(initial=np.inf)
-    readings = [
-        f"goal {np.linalg.norm(goal - state[POSITION:VELOCITY]):.2f} m",
-        f"speed {np.linalg.norm(state[VELOCITY:ATTITUDE]):.2f} m/s",
-        f"thrust/weight {state[THRUST] / (params.mass * params.gravity):.2f}",
-        f"clearance {nearest:.2f} m" if nearest < np.inf else "no obstacle",
+def readings_of(state, goal, gaps, params: QuadrotorParams, past: Past) -> list[tuple[str, Color]]:
+    """Numbers to debug by, and their colours."""
+    nearest = gaps.min(initial=np.inf)
+    return [
+        (f"time {past.time:.2f} s", TEXT),
+        (f"speed {np.linalg.norm(state[VELOCITY:ATTITUDE]):.2f} m/s", TEXT),
+        (f"goal {np.linalg.norm(goal - state[POSITION:VELOCITY]):.2f} m", TEXT),
+        (f"step {past.steps}", TEXT),
+        (f"thrust/weight {state[THRUST] / (params.mass * params.gravity):.2f}", TEXT),
+        (
+            f"clearance {nearest:.2f} m" if nearest < np.inf else "no obstacle",
+            BREACH if nearest < 0.0 else TEXT,
+        ),
     ]
-    colors, unit = [TEXT, TEXT, TEXT, BREACH if nearest < 0.0 else TEXT], size / 480
-    for reading, color, left in zip(readings, colors, (14, 104, 222, 480), strict=True):
-        image = font(size).render(reading, True, color)
-        right = size - 14 * unit - image.get_width()
-        surface.blit(image, (round(min(left * unit, right)), round(size - 24 * unit)))
+
+
+def labels_of(size: int, readings: list[tuple[str, Color]], acts: bool, caption: str) -> list[Label]:
+    """Readings along the lower edge, what the shield does at the upper left, a caption at the upper right."""
+    if size < LEAST_LABELLED:
+        return []
+    margin, row = round(14 * size / 480), font(size).get_linesize()
+    columns = 3 if size >= 300 else 2
+    width = (size - 2 * margin) / columns
+    labels = []
+    for k, (reading, color) in enumerate(reversed(readings)):
+        column, top = columns - 1 - k % columns, size - margin // 2 - (1 + k // columns) * row
+        image = fitted(font(size).render(reading, True, color), width - 4, row)
+        labels.append(Label(image, margin + round(column * width), top))
+    if acts:
+        image = fitted(font(size).render("shield acts", True, ACTS), 0.5 * size - 3 * margin, row)
+        labels.append(Label(image, round(2.3 * margin), margin))
+    if caption:
+        room = size // 2 - margin
+        image = fitted(font(size).render(caption, True, TEXT, None, room), room, 0.4 * size)
+        labels.append(Label(image, size - margin - image.get_width(), margin))
+    return labels
+
+
+def fitted(image: pygame.Surface, width: float, height: float) -> pygame.Surface:
+    """An image shrunk to fit into a box, if it does not."""
+    share = min(width / image.get_width(), height / image.get_height(), 1.0)
+    if share == 1.0:
+        return image
+    sides = (max(int(share * image.get_width()), 1), max(int(share * image.get_height()), 1))
+    return pygame.transform.smoothscale(image, sides)
+
+
+def draw_labels(surface: pygame.Surface, labels: list[Label]) -> None:
+    """Labels onto a picture."""
+    for label in labels:
+        surface.blit(label.image, (label.left, label.top))
 
 
 def draw_notice(surface: pygame.Surface, past: Past) -> None:
-    """Says, in the upper left corner, that the shield acts."""
+    """A dot at the upper left while the shield acts."""
     if past.is_corrected:
-        size = surface.get_width()
-        unit = size / 480
-        pygame.draw.circle(surface, ACTS, (20 * unit, 22 * unit), 5 * unit)
-        surface.blit(font(size).render("shield acts", True, ACTS), (round(32 * unit), round(15 * unit)))
+        unit = surface.get_width() / 480
+        pygame.draw.circle(surface, ACTS, (20 * unit, 22 * unit), max(5 * unit, 2.0))

@@ -40,6 +40,8 @@ TOO_LARGE = 0.5
 BLUR = 5e-5
 # Share of a shell's opacity that it lacks before its own solid.
 CLEARER = 0.6
+# Least drawn radius of the goal, as a share of the reach: in a wide view it would not be seen.
+GOAL_SHARE = 0.015
 
 
 class Shell(NamedTuple):
@@ -92,7 +94,8 @@ def _scenery(
     canvas, depth = sky(size).copy(), np.full((size, size), np.inf, dtype=np.float32)
     paint_floor(view, bodies, ground, canvas)
     rays = rays_of(view)
-    target = ball(GOAL_INDEX, goal, GOAL_RADIUS, 2.0 * GOAL_RADIUS)
+    drawn = max(GOAL_RADIUS, GOAL_SHARE * reach)
+    target = ball(GOAL_INDEX, goal, drawn, 2.0 * drawn)
     shells = paint_bodies(view, rays, [*bodies, target], canvas, depth)
     return Scenery(found, canvas, depth, shells, *marked_walls(view, half_spaces), ground)
 

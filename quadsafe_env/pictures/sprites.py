@@ -18,6 +18,7 @@ GRID, SHADOW = (98, 114, 142), (24, 30, 42)
 OBSTACLE, GOAL, WALL = (214, 96, 76), (96, 220, 146), (140, 166, 214)
 LIGHT = np.array([-0.45, -0.70, -0.55]) / math.hypot(0.45, 0.70, 0.55)  # right, down, ahead
 FONT = 19 / 480  # height of the letters, as a share of the picture
+LEAST_FONT = 11  # pixels; smaller letters cannot be read
 
 Color = tuple[int, int, int]
 
@@ -41,7 +42,7 @@ def font(size: int) -> pygame.font.Font:
     if not pygame.font.get_init():
         pygame.font.init()
         _font.cache_clear()
-    return _font(max(round(FONT * size), 1))
+    return _font(max(round(FONT * size), LEAST_FONT))
 
 
 @cache

@@ -13,34 +13,40 @@ class Past(NamedTuple):
     """What led to a moment of a flight.
 
     ``trail`` (M, 3) from the start to now, m; ``was_corrected`` (M,), whether the filter acted on the way to
-    each point; whether it acts now, and for which obstacle, −1 for none.
+    each point; whether it acts now, and for which obstacle, −1 for none; how many
+    policy steps led here, and how long they are, s.
     """
 
     trail: NDArray[np.float64]
     was_corrected: NDArray[np.bool_]
     is_corrected: bool = False
     obstacle: int = -1
+    steps: int = 0
+    time: float = 0.0
 
 
 NO_PAST = Past(np.zeros((0, 3)), np.zeros(0, dtype=np.bool_))
 
 
 class Trail:
-    """The path of one episode in at most ``LENGTH`` points: beyond them every second one is dropped."""
+    """The path of one episode in at most ``LENGTH`` points: beyond them every second one is dropped.
+
+    ``age`` is the number of steps that led along it.
+    """
 
     def __init__(self, position: NDArray[np.float64]):
         self._points, self._corrected = np.empty((LENGTH + 1, 3)), np.zeros(LENGTH + 1, dtype=np.bool_)
         self._points[0] = position
-        self._count, self._stride, self._age = 1, 1, 0
+        self._count, self._stride, self.age = 1, 1, 0
 
     def add(self, position: NDArray[np.float64], is_corrected: bool) -> None:
         """Go on to a position."""
-        if self._age % self._stride:
+        if self.age % self._stride:
             self._count -= 1
             is_corrected |= bool(self._corrected[self._count])
         self._points[self._count], self._corrected[self._count] = position, is_corrected
         self._count += 1
-        self._age += 1
+        self.age += 1
         if self._count > LENGTH:
             self._thin()
 

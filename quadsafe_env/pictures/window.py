@@ -2,14 +2,20 @@
 
 import os
 import sys
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_env.pictures.camera import STRAIGHT, Steering
 from quadsafe_env.pictures.sprites import pygame
 
 # Drivers that draw where nobody sees it.
 BLIND = ("dummy", "offscreen")
+TURN = 0.4  # degrees of a pixel
+ZOOM = 0.9  # of the distance, a notch of the wheel
+AGAIN = 0.4  # s from one click to the other of two
+HELP = "quadsafe: drag turns, wheel zooms, F follows, R or a double click restores the view"
 
 
 def has_display() -> bool:
@@ -40,8 +46,15 @@ def no_display(found: str) -> OSError:
     )
 
 
+def turned(steering: Steering, right: float, down: float) -> Steering:
+    """A camera dragged by pixels: the scene goes with the mouse."""
+    return steering._replace(turn=steering.turn - TURN * right, tilt=steering.tilt + TURN * down)
+
+
 class Window:
     """Shows frames (size, size, 3) one after the other; it opens with the first, and stays closed once closed.
+
+    ``steering`` is what mouse and keys ask of the camera: ``HELP`` says how, in the window's title.
 
     Without a display SDL would draw where nobody looks, at the pace of the flight all the same. It does so only
     for who asks for it by name, with ``SDL_VIDEODRIVER=dummy``.
@@ -56,7 +69,7 @@ class Window:
     def __init__(self, fps: int):
         self._fps, self._clock = fps, pygame.time.Clock()
         self._screen: pygame.Surface | None = None
-        self.is_closed = False
+        self.is_closed, self.steering, self._clicked = False, STRAIGHT, -AGAIN
 
     def show(self, frame: NDArray[np.uint8]) -> None:
         """Show a frame when its time has come."""
@@ -67,10 +80,27 @@ class Window:
         screen.blit(pygame.image.frombuffer(frame.tobytes(), (width, height), "RGB"), (0, 0))
         self._clock.tick(self._fps)
         pygame.display.flip()
-        if pygame.event.get(pygame.QUIT):
+        events = pygame.event.get()
+        for event in events:
+            self._steer(event)
+        if any(event.type == pygame.QUIT for event in events):
             self.close()
-        else:
-            pygame.event.clear()
+
+    def _steer(self, event: Any) -> None:
+        """Do to the camera what an event asks for; the next picture is seen from there."""
+        now = self.steering
+        if event.type == pygame.MOUSEMOTION and event.buttons[0]:
+            self.steering = turned(now, *event.rel)
+        elif event.type == pygame.MOUSEWHEEL:
+            self.steering = now._replace(zoom=now.zoom * ZOOM**event.y)
+        elif event.type == pygame.KEYDOWN and event.key == pygame.K_f:
+            self.steering = now._replace(is_toggled=not now.is_toggled)
+        elif event.type == pygame.KEYDOWN and event.key == pygame.K_r:
+            self.steering = STRAIGHT
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button == 1:
+            before, self._clicked = self._clicked, 1e-3 * pygame.time.get_ticks()
+            if self._clicked - before < AGAIN:
+                self.steering = STRAIGHT
 
     def _open(self, size: tuple[int, int]) -> pygame.Surface:
         if not (is_driver_named() or has_display()):
@@ -80,7 +110,7 @@ class Window:
             self._screen = pygame.display.set_mode(size)
         except pygame.error as error:
             raise no_display(repr(str(error))) from error
-        pygame.display.set_caption("quadsafe")
+        pygame.display.set_caption(HELP)
         return self._screen
 
     def close(self) -> None:

@@ -54,7 +54,8 @@ def test_a_larger_picture_shows_the_same():
         env.reset(seed=0)
         frames.append(env.render().astype(float))
     shrunk = frames[1].reshape(120, 4, 120, 4, 3).mean(axis=(1, 3))
-    assert np.abs(shrunk - frames[0]).mean() < 4.0
+    # Letters of a small picture are larger, so that they can be read.
+    assert np.abs(shrunk - frames[0])[:88].mean() < 4.0
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,11 @@ import pytest
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.shapes import Obstacles
-from quadsafe_env.pictures.camera import view_of
+from quadsafe_env.pictures.camera import STRAIGHT, view_of
 from quadsafe_env.pictures.render import ACTS, BREACH, NOSE, ROTOR, frame, tints_of
 from quadsafe_env.pictures.sprites import GOAL, OBSTACLE
 from quadsafe_env.pictures.trail import LENGTH, NO_PAST, Past, Trail
-from quadsafe_env.pictures.window import Window, has_display
+from quadsafe_env.pictures.window import HELP, TURN, ZOOM, Window, has_display
 from quadsafe_env.registration import IDS
 from quadsafe_env.vehicle.params import PRESETS
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, hover_state
@@ -333,6 +333,47 @@ def test_window_stays_closed_when_the_user_closed_it(screen):
     assert window.is_closed and not pygame.display.get_init()
     window.show(picture())
     assert not pygame.display.get_init()
+
+
+def after(window, *events):
+    """What the camera is asked for after some events."""
+    for kind, facts in events:
+        pygame.event.post(pygame.event.Event(kind, facts))
+    window.show(picture(size=SMALL))
+    return window.steering
+
+
+def test_mouse_and_keys_steer_the_camera(screen, monkeypatch):
+    window, now = Window(1000), [0]
+    monkeypatch.setattr(pygame.time, "get_ticks", lambda: now[0])
+    drag = (pygame.MOUSEMOTION, {"pos": (9, 9), "rel": (10, 5), "buttons": (1, 0, 0)})
+    click, wheel = (pygame.MOUSEBUTTONDOWN, {"pos": (9, 9), "button": 1}), (pygame.MOUSEWHEEL, {"x": 0, "y": 2})
+    follow, restore = ((pygame.KEYDOWN, {"key": key}) for key in (pygame.K_f, pygame.K_r))
+    assert after(window) == STRAIGHT
+    assert after(window, (drag[0], drag[1] | {"buttons": (0, 0, 0)})) == STRAIGHT
+    assert after(window, drag, drag) == (-20 * TURN, 10 * TURN, 1.0, False)
+    assert after(window, wheel, follow) == pytest.approx((-20 * TURN, 10 * TURN, ZOOM**2, True))
+    assert after(window, restore) == STRAIGHT
+    for pause, is_restored in ((1000, False), (300, True)):
+        after(window, restore, follow, click)
+        now[0] += pause
+        assert (after(window, click) == STRAIGHT) is is_restored
+        now[0] += 1000
+    assert pygame.display.get_caption()[0] == HELP
+    window.close()
+
+
+def test_the_next_picture_is_seen_from_where_the_mouse_has_turned_it(screen):
+    env, still = (gymnasium.make("QuadSafe/Avoid-v0", render_mode="human", policy_hz=100) for _ in range(2))
+    env.reset(seed=0)
+    pygame.event.post(pygame.event.Event(pygame.MOUSEMOTION, {"rel": (90, 0), "buttons": (1, 0, 0)}))
+    env.step(np.ones(4, dtype=np.float32))
+    turned = env.unwrapped._world.picture(0)
+    env.close()
+    still.reset(seed=0)
+    still.step(np.ones(4, dtype=np.float32))
+    assert np.abs(turned.astype(int) - still.unwrapped._world.picture(0)).mean() > 1.0
+    still.close()
 
 
 def test_no_display_is_said_in_a_sentence(monkeypatch):

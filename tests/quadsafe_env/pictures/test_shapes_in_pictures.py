@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Obstacles, Sphere
-from quadsafe_env.pictures.camera import BESIDE, Camera, view_of
+from quadsafe_env.pictures.camera import BESIDE, NO_CORNERS, Camera, view_of
 from quadsafe_env.pictures.render import ACTS, NOSE, frame
 from quadsafe_env.pictures.scenery import scenery_of
 from quadsafe_env.pictures.trail import NO_PAST, Past
@@ -37,7 +37,8 @@ ROOM = [
 def picture(shapes, position=START, past=NO_PAST, camera=BESIDE, size=480):
     obstacles = Obstacles.pack(shapes, keep_out=CRAZYFLIE.radius)
     state = hover_state(np.asarray(position, dtype=float), CRAZYFLIE)
-    return frame(state, FINISH, obstacles, CRAZYFLIE, START, past=past, camera=camera, size=size)
+    looks = {"past": past, "camera": camera, "size": size, "corners": NO_CORNERS}
+    return frame(state, FINISH, obstacles, CRAZYFLIE, START, **looks)
 
 
 def count(image, color, tolerance=25):
