@@ -7,6 +7,7 @@ python train.py evaluate M:NAME  a policy of yours, a callable or a model in a m
 python train.py export RUN       the policy of a run as an ONNX or TorchScript file
 python train.py report RUN       tables and figures again, from the CSV files of a run
 python train.py watch RUN        a flight of one of its agents, in a window or as a video
+python train.py watch M:NAME     a flight of a policy of yours
 python train.py map FILE         a map of obstacles, with the straight ways of 50 scenes
 """
 
@@ -67,13 +68,18 @@ def evaluate(command: Evaluate) -> int:
         if adapters.is_name(command.run):
             print(commands.evaluate_named(command))
             return 0
-        if command.of_a_policy:
-            raise ValueError(f"{', '.join(command.of_a_policy)} must come with a policy, got {command.run!r}")
+        refuse_of_a_policy(command)
         run = runs.open_run(command.run)
         evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
         trace.write_trace(run)
         print(reporting.write_report(run))
     return 0
+
+
+def refuse_of_a_policy(command: Evaluate | Watch) -> None:
+    """Raise a ValueError for settings of a policy beside a run, which has its own."""
+    if command.of_a_policy:
+        raise ValueError(f"{', '.join(command.of_a_policy)} must come with a policy, got {command.run!r}")
 
 
 def export(command: Export) -> int:
@@ -96,14 +102,18 @@ def report(command: Report) -> int:
 
 
 def watch(command: Watch) -> int:
-    """Show a flight of an agent of a run."""
+    """Show a flight of an agent of a run, or of a policy from elsewhere."""
     from agents.experiment import runs
+    from agents.policies import adapters, commands
     from agents.report import watch
 
     with errors_as_sentences():
-        how = {"side_by_side": command.side_by_side, "video": command.video}
-        who = (runs.open_run(command.run), command.arm, command.seed, command.scene)
-        print(watch.watch(*who, is_shielded=not command.no_shield, **how))
+        how = watch.Showing(not command.no_shield, command.side_by_side, command.video, command.looks)
+        if adapters.is_name(command.run):
+            print(commands.watch_named(command, how))
+            return 0
+        refuse_of_a_policy(command)
+        print(watch.watch(runs.open_run(command.run), command.arm, command.seed, command.scene, how))
     return 0
 
 

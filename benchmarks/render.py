@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Obstacles, Shape, Sphere
 from quadsafe_env.env import QuadrotorEnv
+from quadsafe_env.pictures.bodies import corners_of
 from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.pictures.render import frame
 from quadsafe_env.pictures.trail import LENGTH
@@ -84,7 +85,7 @@ def show_mixed() -> None:
             )
             for way, turn in (("at rest", 0.0), ("moving", 0.1)):
                 views = [Camera(azimuth=20.0 + turn * call) for call in range(CALLS)]
-                draw = partial(frame, state, GOAL, obstacles, params, START)
+                draw = partial(frame, state, GOAL, obstacles, params, START, corners=corners_of(obstacles))
                 times = [timed(partial(draw, camera=view)) for view in views]
                 show(f"{name}{where}, camera {way}", np.array(times[1:]))
 

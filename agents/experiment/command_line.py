@@ -61,8 +61,7 @@ class Evaluate:
     @property
     def of_a_policy(self) -> dict[str, Any]:
         """What was given that only a policy is asked."""
-        names = ("env", "action", "env_kwargs", "shield", "log_folder")
-        return {name: getattr(self, name) for name in names if getattr(self, name)}
+        return given(self, "env", "action", "env_kwargs", "shield", "log_folder")
 
 
 @dataclass(frozen=True)
@@ -91,10 +90,16 @@ class Report:
 
 @dataclass(frozen=True)
 class Watch:
-    """Watch a flight of an agent of a run: in a window, or as a video where there is no display."""
+    """Watch a flight of an agent of a run, or of a policy of yours, in a window or as a video.
 
-    run: tyro.conf.Positional[Path]
-    """Run folder, as logs/QuadSafe-Avoid-v0_1."""
+    Without a display it is a video.
+
+    In the window the mouse turns the view, the wheel zooms, F follows, R or a double click restores it. What
+    stands under "of a policy" decides how a policy is flown; a run has its own.
+    """
+
+    run: tyro.conf.Positional[str]
+    """Run folder, as logs/QuadSafe-Avoid-v0_1; or a policy: module:name, or an ONNX file, as for evaluate."""
     arm: str | None = None
     """Who flies; that of the report's scene unless given."""
     seed: int | None = None
@@ -107,10 +112,32 @@ class Watch:
     """Write a video of the scene without and with the shield, side by side."""
     video: Path | None = None
     """Write this .webp, .gif or .mp4 (with ffmpeg, see quadsafe[video]) in place of opening a window."""
+    render_size: int | None = None
+    """Side of the picture, pixels, 480 unless given."""
+    camera: Pairs = field(default_factory=dict)
+    """Where it is seen from, as azimuth:20 elevation:30 distance:8 follow:true; the whole map unless given."""
+    env: str | None = None
+    """Of a policy: id of the environment, QuadSafe/Avoid-v0 unless given."""
+    action: str | None = None
+    """Of a policy: what it commands, velocity unless given."""
+    env_kwargs: Pairs = field(default_factory=dict)
+    """Of a policy: further keywords of the environment, as params:racer policy_hz:50."""
+    shield: Pairs = field(default_factory=dict)
+    """Of a policy: settings of the shield, as alpha:4.0."""
 
     def __post_init__(self):
         if self.side_by_side and self.no_shield:
             raise ValueError("no_shield must not come with side_by_side, which shows both")
+
+    @property
+    def of_a_policy(self) -> dict[str, Any]:
+        """What was given that only a policy is asked."""
+        return given(self, "env", "action", "env_kwargs", "shield")
+
+    @property
+    def looks(self) -> dict[str, Any]:
+        """What was given of the keywords of the environment that decide how it looks."""
+        return given(self, "render_size", "camera")
 
 
 @dataclass(frozen=True)
@@ -166,6 +193,11 @@ def parse(arguments: Sequence[str] | None = None) -> Command:
     given = _given(command.options)
     # What is not said again is that of the run or the file.
     return command if given is None else _spelled(Train, words, program(), Train(given))
+
+
+def given(command: Evaluate | Watch, *names: str) -> dict[str, Any]:
+    """Those of the named settings of a command that were given."""
+    return {name: getattr(command, name) for name in names if getattr(command, name) not in (None, {})}
 
 
 def program() -> str:

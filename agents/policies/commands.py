@@ -1,18 +1,22 @@
 """What ``train.py`` does with policies: evaluates one by its name, and writes one of a run."""
 
+import re
 from pathlib import Path
 
 import torch
 
 from agents.experiment.arms import GIVEN
-from agents.experiment.command_line import Evaluate, Export
+from agents.experiment.command_line import Evaluate, Export, Watch
 from agents.experiment.config import Experiment
 from agents.experiment.environments import spelled_shield
 from agents.experiment.runs import open_run
 from agents.learn.algorithms import load_policy
 from agents.measure.evaluate import held_out_scenes
+from agents.policies.adapters import agent_from
 from agents.policies.evaluation import Evaluation, evaluate_in
 from agents.policies.export import DEFAULT_NAMES, export_policy
+from agents.report.watch import Showing, show
+from quadsafe_env.settings import scene_integer
 
 
 def evaluate_named(command: Evaluate) -> Evaluation:
@@ -27,6 +31,20 @@ def evaluate_named(command: Evaluate) -> Evaluation:
     n = Experiment.eval_episodes if command.eval_episodes is None else command.eval_episodes
     experiment = spelled_shield(Experiment(arms=(GIVEN,), eval_episodes=n, **asked))
     return evaluate_in(command.run, experiment, held_out_scenes(n), log_folder)
+
+
+def watch_named(command: Watch, how: Showing) -> str:
+    """Show a flight of the policy that a command names; says who flew, how it went, and where the video is.
+
+    Raises:
+        ValueError, TypeError, OSError: naming what of the command does not fit.
+    """
+    if command.arm is not None or command.seed is not None:
+        raise ValueError(f"arm and seed must come with a run, got {command.run!r}")
+    experiment = spelled_shield(Experiment(arms=(GIVEN,), **command.of_a_policy))
+    scene = held_out_scenes(1)[0] if command.scene is None else scene_integer("scene", command.scene)
+    agent, stem = agent_from(command.run), Path("logs") / f"{re.sub('[^A-Za-z0-9]+', '-', command.run)}_{scene}"
+    return show(experiment, f"policy {command.run}", lambda env: agent, scene, stem, how)
 
 
 def export_of_run(command: Export) -> str:

@@ -1,6 +1,9 @@
 """One flight of an agent of a run, in a window or as a video."""
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
+from agents.experiment.config import Experiment
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.runs import Run, jobs_in_words
 from agents.measure.evaluate import Agent, Pilot, agent_of, held_out_scenes
@@ -68,11 +72,50 @@ class Flight:
 
 
 def beside(flights: Sequence[Flight]) -> Iterator[NDArray[np.uint8]]:
-    """The frames of several flights side by side; one that is over shows its last."""
+    """The frames of several flights side by side; one that is over shows its last.
+
+    They are flown one after the other: who flies may remember what it saw.
+    """
+    *before, last = flights
     shown: list[Any] = [None] * len(flights)
-    for frames in zip_longest(*(flight.frames() for flight in flights)):
+    for frames in zip_longest(*[list(flight.frames()) for flight in before], last.frames()):
         shown = [old if new is None else new for old, new in zip(shown, frames, strict=True)]
         yield np.hstack(shown)
+
+
+@dataclass(frozen=True)
+class Showing:
+    """How a flight is shown: in a window, or as a video if one is asked for or there is no display."""
+
+    is_shielded: bool = True
+    """Whether the shield is on."""
+    side_by_side: bool = False
+    """A video of the scene without the shield, on the left, and with it, on the right."""
+    video: Path | None = None
+    """File to write, ``.mp4``, ``.webp`` or ``.gif``."""
+    looks: dict[str, Any] = field(default_factory=dict)
+    """Keywords of the environment for its pictures: render_size, camera."""
+
+    @property
+    def ways(self) -> tuple[bool, ...]:
+        """Whether the shield is on, of each flight."""
+        return (False, True) if self.side_by_side else (self.is_shielded,)
+
+    def file(self, stem: Path) -> Path | None:
+        """The video to write, ``stem`` and how it was flown unless one is named; None for a window.
+
+        Raises:
+            ValueError, OSError: for a video that cannot be written.
+        """
+        from quadsafe_env.pictures.window import has_display
+
+        video = self.video
+        if video is None and (self.side_by_side or not has_display()):
+            way = "_both" if self.side_by_side else "" if self.is_shielded else "_unshielded"
+            video = stem.with_name(f"{stem.name}{way}.webp")
+        if video is not None:
+            check_video(video)
+        return video
 
 
 def watch(
@@ -80,19 +123,14 @@ def watch(
     arm: str | None = None,
     seed: int | None = None,
     scene: int | None = None,
-    *,
-    is_shielded: bool = True,
-    side_by_side: bool = False,
-    video: Path | None = None,
+    how: Showing = Showing(),
 ) -> str:
-    """Show a flight of an agent of a run: as a video if one is asked for or there is no display.
+    """Show a flight of an agent of a run.
 
     Args:
         run: the run.
         arm, seed, scene: who flies where; None for those of the run's trace, or the first.
-        is_shielded: whether the shield is on.
-        side_by_side: a video of the scene without the shield, on the left, and with it, on the right.
-        video: file to write, ``.mp4``, ``.webp`` or ``.gif``.
+        how: how it is shown.
 
     Returns:
         Who flew, how the flight went, and where the video is.
@@ -100,35 +138,37 @@ def watch(
     Raises:
         ValueError, OSError: for an arm, seed or scene that there is not, or a video that cannot be written.
     """
-    from quadsafe_env.pictures.window import has_display
-
     arm, seed, scene = chosen_flight(run, arm, seed, scene)
-    if video is None and (side_by_side or not has_display()):
-        way = "_both" if side_by_side else "" if is_shielded else "_unshielded"
-        video = run.folder / f"{arm}_seed{seed}_{scene}{way}.webp"
-    if video is not None:
-        check_video(video)
-    mode, ways = "human" if video is None else "rgb_array", (False, True) if side_by_side else (is_shielded,)
-    envs = [make_env(of_arm(run.experiment, ARMS[arm]), way, render_mode=mode) for way in ways]
-    flights = [Flight(env, agent_of(run, arm, seed, env), scene) for env in envs]
-    frames = tqdm(
-        beside(flights) if side_by_side else flights[0].frames(),
-        desc="flying",
-        unit=" frames",
-        delay=2.0,
-        disable=None,
-    )
+    experiment, stem = of_arm(run.experiment, ARMS[arm]), run.folder / f"{arm}_seed{seed}_{scene}"
+    return show(experiment, f"arm {arm}, seed {seed}", partial(agent_of, run, arm, seed), scene, stem, how)
+
+
+def show(
+    experiment: Experiment, who: str, agent_in: Callable[[Any], Agent], scene: int, stem: Path, how: Showing
+) -> str:
+    """Show a flight of whom ``agent_in`` gives for an env; the pictures say who flies where, and how.
+
+    Returns and raises as ``watch``; ``stem`` is as in ``Showing.file``.
+    """
+    video = how.file(stem)
+    seen = replace(experiment, env_kwargs={**experiment.env_kwargs, **how.looks})
+    mode, envs = "human" if video is None else "rgb_array", []
     try:
+        for way in how.ways:
+            caption = f"{who}, scene {scene}, {'with' if way else 'without'} shield"
+            envs.append(make_env(seen, way, render_mode=mode, caption=caption))
+        flights = [Flight(env, agent_in(env), scene) for env in envs]
+        frames = beside(flights) if how.side_by_side else flights[0].frames()
+        shown = tqdm(frames, desc="flying", unit=" frames", delay=2.0, disable=None)
         if video is None:
-            for _ in frames:
-                pass
+            deque(shown, maxlen=0)
         else:
-            write_video(video, frames, envs[0].metadata["render_fps"])
+            write_video(video, shown, envs[0].metadata["render_fps"])
     finally:
         for env in envs:
             env.close()
-    who = " ".join([f"Arm {arm}, seed {seed}.", *(flight.sentence() for flight in flights)])
-    return who + ("" if video is None else f" Video: {video}")
+    told = " ".join([f"{who[0].upper()}{who[1:]}.", *(flight.sentence() for flight in flights)])
+    return told + ("" if video is None else f" Video: {video}")
 
 
 def chosen_flight(run: Run, arm: str | None, seed: int | None, scene: int | None) -> tuple[str, int, int]:

@@ -69,7 +69,7 @@ def test_the_readme_on_an_index_leads_to_where_the_project_is_published():
     )
     assert there["project_urls"]["Source"].startswith("https://example.org/")
     # The counter-case: nobody said where it is.
-    assert "](docs/figures/flight.png)" in here["long_description"] and "project_urls" not in here
+    assert "](docs/figures/flight.webp)" in here["long_description"] and "project_urls" not in here
 
 
 @pytest.mark.parametrize(

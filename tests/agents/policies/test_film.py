@@ -9,7 +9,8 @@ from PIL import Image
 
 import agents
 import quadsafe_env  # noqa: F401
-from agents.report import video
+import train
+from agents.report import video, watch
 from shields import ShieldWrapper
 
 AVOID = "QuadSafe/Avoid-v0"
@@ -65,3 +66,51 @@ def test_what_cannot_be_filmed_is_said(env, path, error, sentence, tmp_path):
     with pytest.raises(error, match=sentence):
         agents.film(env(), straight, tmp_path / path)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def named(tmp_path, monkeypatch):
+    """The name of a policy in a module."""
+    (tmp_path / "flown.py").write_text("def policy(o):\n    return [*(4.0 * o[:3]).clip(-1.0, 1.0), 0.0]\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    return "flown:policy"
+
+
+def test_a_policy_is_watched_by_its_name(named, tmp_path, monkeypatch, capsys):
+    made, make_env = [], watch.make_env
+    monkeypatch.setattr(
+        watch, "make_env", lambda *told, **keywords: made.append(make_env(*told, **keywords)) or made[-1]
+    )
+    path = tmp_path / "both.webp"
+    looks = ["--render-size", "96", "--camera", "azimuth:20", "follow:true", "--env-kwargs", "policy_hz:20"]
+    words = ["watch", named, "--side-by-side", "--scene", "2", *looks, "--video", str(path)]
+    assert train.main(words) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("Policy flown:policy. Scene 2: ") and "no shield" in said and "shield acted" in said
+    with Image.open(path) as image:
+        assert image.size == (192, 96)
+    for env, way in zip(made, ("without", "with"), strict=True):
+        keywords = env.spec.kwargs
+        assert keywords["caption"] == f"policy flown:policy, scene 2, {way} shield"
+        assert keywords["camera"] == {"azimuth": 20, "follow": True} and keywords["policy_hz"] == 20
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--seed", "0"], "arm and seed must come with a run, got 'flown:policy'"),
+        (["--camera", "roll:3"], "camera must have fields of azimuth, elevation, distance, follow, got 'roll'"),
+        (["--render-size", "7"], "render_size must be an integer in [32, 2048] pixels, got 7"),
+        (["--env", "Avoid"], "env must be one of"),
+    ],
+)
+def test_what_of_a_policy_cannot_be_watched_is_said(named, words, sentence, tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        train.main(["watch", named, *words, "--video", str(tmp_path / "a.webp")])
+    assert sentence in capsys.readouterr().err and not (tmp_path / "a.webp").exists()
+
+
+def test_what_only_a_policy_is_asked_is_refused_beside_a_run(tmp_path, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        train.main(["watch", str(tmp_path), "--env", AVOID])
+    assert "env must come with a policy, got" in capsys.readouterr().err
