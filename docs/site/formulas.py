@@ -8,7 +8,9 @@ from mkdocs.exceptions import PluginError
 
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.S)
 TAG = re.compile(r"\\tag\{([^{}]*)\}\s*$")
-CONVERTER = math_core.LatexToMathML(fancy_error=False)
+# Few fonts place the combining characters of one to three dots above a slanted letter.
+MACROS = {name: rf"\overset{{{dots}}}{{#1}}" for name, dots in (("dot", "."), ("ddot", ".."), ("dddot", "..."))}
+CONVERTER = math_core.LatexToMathML(fancy_error=False, macros=MACROS)
 
 
 def on_page_content(content: str, page, **_: object) -> str:
