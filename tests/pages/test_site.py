@@ -44,15 +44,28 @@ def site(tmp_path_factory):
     return folder
 
 
-def test_a_formula_that_cannot_be_drawn_ends_the_build_with_its_page(tmp_path):
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "index.md").write_text("# Page\n\nA sum $\\suum_i x_i$.\n")
-    config = tmp_path / "mkdocs.yml"
+def built_of(text, folder):
+    """A site of one page with the project's formulas: what the build says, and the page."""
+    (folder / "docs").mkdir()
+    (folder / "docs" / "index.md").write_text(text)
+    config = folder / "mkdocs.yml"
     config.write_text(
         f"site_name: one\nhooks: [{ROOT / 'docs' / 'site' / 'formulas.py'}]\n"
         "markdown_extensions: [{pymdownx.arithmatex: {generic: true}}]\n"
     )
-    outcome = built(tmp_path / "site", "--config-file", config)
+    return built(folder / "site", "--config-file", config), folder / "site" / "index.html"
+
+
+def test_a_formula_is_drawn_with_its_number(tmp_path):
+    outcome, page = built_of("# Page\n\nOf $\\ddot{x}$ and `$HOME`\n\n$$\nx < 1 \\tag{B1}\n$$\n", tmp_path)
+    assert outcome.returncode == 0, outcome.stderr
+    shown = page.read_text()
+    assert shown.count("<math") == 2 and "(B1)" in shown and "$HOME" in shown
+    assert "\\ddot" not in shown and "\\tag" not in shown
+
+
+def test_a_formula_that_cannot_be_drawn_ends_the_build_with_its_page(tmp_path):
+    outcome, _ = built_of("# Page\n\nA sum $\\suum_i x_i$.\n", tmp_path)
     assert outcome.returncode != 0
     assert "index.md" in outcome.stderr and "suum" in outcome.stderr
 
