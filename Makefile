@@ -37,7 +37,6 @@ test-floor: setup
 	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pytest --numprocesses 2 $(FLOOR_TESTS)
 
 docs: setup
-	$(BIN)/python -m pip install --quiet --group docs
 	$(BIN)/mkdocs build --strict
 
 clean:

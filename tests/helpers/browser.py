@@ -5,9 +5,16 @@ import itertools
 import json
 import os
 import select
+import shutil
 import subprocess
 import time
 from pathlib import Path
+
+import pytest
+
+CHROMIUM = shutil.which("chromium")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium")
+
 
 QUIET = [
     "--headless",
