@@ -2,6 +2,7 @@
 
 import re
 
+import math_core
 import pytest
 from test_docs import DOCS
 
@@ -54,7 +55,6 @@ def test_a_formula_in_a_table_does_not_end_its_cell(page):
 
 @each_page
 def test_every_formula_can_be_drawn(page):
-    math_core = pytest.importorskip("math_core")
     converter = math_core.LatexToMathML(fancy_error=False)
     for formula in formulas_of(page.read_text(encoding="utf-8")):
         converter.convert_with_local_state(formula, displaystyle=True)
