@@ -7,6 +7,7 @@ The room is own_room.json, beside this file. The film takes ffmpeg: pip install 
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 from stable_baselines3 import SAC
@@ -27,7 +28,7 @@ except FileNotFoundError as error:
     parser.error(str(error))
 given.out.mkdir(parents=True, exist_ok=True)
 
-room = {
+room: dict[str, Any] = {
     "obstacles": load_obstacles(Path(__file__).with_name("own_room.json")),
     "params": QuadrotorParams.from_airframe(mass=0.8, arm=0.13, motor_thrust_max=5.0),  # kg, m, N
     "start": [[0.6, -1.0, 0.8], [1.0, 1.0, 1.6]],  # boxes to draw from, m
@@ -37,9 +38,13 @@ room = {
     "max_episode_steps": 100,
 }
 rows = VectorShieldWrapper(gymnasium.make_vec("QuadSafe/Avoid-v0", 16, **room))
-sizes = {"gradient_steps": 4, "learning_starts": 500, "policy_kwargs": {"net_arch": [64, 64]}}
-rates = {"gamma": 0.95, "learning_rate": 1e-3, "ent_coef": 0.02}
-model = SAC("MlpPolicy", Sb3VectorEnv(rows), seed=0, device="cpu", **sizes, **rates).learn(given.steps)
+settings: dict[str, Any] = {
+    "gradient_steps": 4,
+    "learning_starts": 500,
+    "policy_kwargs": {"net_arch": [64, 64]},
+}
+settings |= {"gamma": 0.95, "learning_rate": 1e-3, "ent_coef": 0.02, "seed": 0, "device": "cpu"}
+model = SAC("MlpPolicy", Sb3VectorEnv(rows), **settings).learn(given.steps)
 model.save(given.out / "sac")
 
 env = gymnasium.make("QuadSafe/Avoid-v0", render_mode="rgb_array", render_size=480, **room)
