@@ -8,7 +8,7 @@ FLOOR_PATH := $(CURDIR)/.venv/floor
 FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
 	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
 
-.PHONY: setup train test test-floor lint docs clean
+.PHONY: setup train test test-floor test-wheel lint docs clean
 
 setup: .venv/ready
 
@@ -35,6 +35,9 @@ test-floor: setup
 	$(BIN)/python -m pip install --quiet --no-deps --upgrade --target $(FLOOR_PATH) "gymnasium==$(FLOOR)"
 	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pip show gymnasium | grep "^Version: $(FLOOR)"
 	PYTHONPATH=$(FLOOR_PATH) $(BIN)/python -m pytest --numprocesses 2 $(FLOOR_TESTS)
+
+test-wheel: setup
+	$(BIN)/python .ci/wheel.py $(PIP_CONSTRAINTS)
 
 docs: setup
 	$(BIN)/mkdocs build --strict

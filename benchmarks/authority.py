@@ -2,8 +2,9 @@
 
 The tables are those of docs/authority.md.
 
-    python benchmarks/authority.py           fly, write docs/data/authority.csv, fill in the tables
-    python benchmarks/authority.py --table   fill in the tables from the CSV
+    python benchmarks/authority.py           fly, into logs/data/authority.csv, print the tables
+    python benchmarks/authority.py --out docs/data/authority.csv    the data of the page
+    python benchmarks/authority.py --table   fill in the tables of the page from them
 
 Each arm flies Section VI and 1,000 random Avoid scenes, the same for all, from slow to the tracker's top speed.
 The tracker knows of no obstacle: its path leads through the sphere.
@@ -151,17 +152,22 @@ TABLES = {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Fly the Crazyflie with rotor limits under several shields.")
-    parser.add_argument("--table", action="store_true", help="fill in the tables from the CSV, fly nothing")
-    if not parser.parse_args().table:
-        write(CSV, [fly(env, arm, duration) for env in SCENES for arm in ARMS for duration in DURATIONS])
-    with CSV.open(encoding="utf-8", newline="") as file:
+    parser.add_argument("--out", type=Path, default=ROOT / "logs/data/authority.csv", help="the results")
+    parser.add_argument("--table", action="store_true", help="fill in the page from docs/data, fly nothing")
+    given = parser.parse_args()
+    if not given.table:
+        write(given.out, [fly(env, arm, duration) for env in SCENES for arm in ARMS for duration in DURATIONS])
+    with (CSV if given.table else given.out).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), rows, TABLES), encoding="utf-8")
     print("\n\n".join(make(rows) for make in TABLES.values()))
+    if given.table:
+        PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), rows, TABLES), encoding="utf-8")
+    print("Written:", PAGE if given.table else given.out)
 
 
 def write(path: Path, rows: list[dict[str, Any]]) -> None:
     """The rows as CSV."""
+    path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()

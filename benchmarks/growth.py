@@ -1,7 +1,8 @@
 """How the cost grows: with rows, with spheres, with the control rate; docs/speed.md shows the picture.
 
-    python benchmarks/growth.py            measure, write docs/data/growth.csv, draw docs/figures/growth.png
-    python benchmarks/growth.py --draw     draw it from the CSV
+    python benchmarks/growth.py            measure, write data/growth.csv, draw figures/growth.png, both in logs
+    python benchmarks/growth.py --out docs    those of the page
+    python benchmarks/growth.py --out docs --draw    draw it from the CSV
 
 Medians on one thread. Every env flies random actions in QuadSafe/Avoid-v0, or a forest for several spheres.
 """
@@ -20,7 +21,6 @@ import quadsafe_env  # noqa: F401 - registers the ids
 from shields import VectorShieldWrapper
 
 ROOT = Path(__file__).resolve().parents[1]
-CSV, FIGURE = ROOT / "docs/data/growth.csv", ROOT / "docs/figures/growth.png"
 ROWS = (1, 4, 16, 64, 256, 1024, 4096, 16384, 65536)
 SPHERES = (1, 2, 4, 8, 16, 32, 64)
 CONTROL = (10, 20, 50, 100, 250, 500)
@@ -67,7 +67,7 @@ def measured() -> list[dict[str, Any]]:
     return points
 
 
-def draw(points: list[dict[str, Any]]) -> None:
+def draw(points: list[dict[str, Any]], path: Path) -> None:
     """Three panels, with and without the shield."""
     import matplotlib
 
@@ -96,20 +96,26 @@ def draw(points: list[dict[str, Any]]) -> None:
         axis.grid(alpha=0.3, which="both", linewidth=0.5)
         axis.spines[["top", "right"]].set_visible(False)
     axes[0].legend(frameon=False)
-    figure.savefig(FIGURE, dpi=130)
+    figure.savefig(path, dpi=130)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Measure how the cost of a step grows.")
     parser.add_argument("--draw", action="store_true", help="draw from the CSV, measure nothing")
-    if not parser.parse_args().draw:
+    parser.add_argument("--out", type=Path, default=ROOT / "logs", help="folder for data and figures")
+    given = parser.parse_args()
+    table, picture = given.out / "data/growth.csv", given.out / "figures/growth.png"
+    for path in (table, picture):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    if not given.draw:
         points = measured()
-        with CSV.open("w", encoding="utf-8", newline="") as file:
+        with table.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             writer.writeheader()
             writer.writerows(points)
-    with CSV.open(encoding="utf-8", newline="") as file:
-        draw(list(csv.DictReader(file)))
+    with table.open(encoding="utf-8", newline="") as file:
+        draw(list(csv.DictReader(file)), picture)
+    print(f"Measured: {table}\nDrawn: {picture}")
 
 
 if __name__ == "__main__":

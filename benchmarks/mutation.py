@@ -1,10 +1,11 @@
 """How many small faults of shields/ the tests notice: mutation testing with the JIT off.
 
-    python benchmarks/mutation.py                          the first 300 mutants, into docs/data/mutation.csv
+    python benchmarks/mutation.py                          the first 300 mutants, into logs/data/mutation.csv
+    python benchmarks/mutation.py --out docs/data/mutation.csv    those of the page
     python benchmarks/mutation.py --skip 300 --count 150   the next ones: a fresh sample
     python benchmarks/mutation.py --again                  the survivors once more
     python benchmarks/mutation.py --out docs/data/mutation_later.csv    a sample of other sources
-    python benchmarks/mutation.py --table                  the tables of docs/mutation.md from both CSV files
+    python benchmarks/mutation.py --table                  the tables of docs/mutation.md, from docs/data
 
 All mutants (benchmarks/mutants.py) are put in one random order. Each changes one place of a copy of the tree;
 then the interpreted tests that execute its lines run until the first fails. A run that was cut off goes on
@@ -104,6 +105,7 @@ def run(mutants: dict[int, Mutant], again: bool, path: Path) -> None:
     rows = {int(row["draw"]): row for row in rows_of(path)}
     told = {draw: mutant.told((ROOT / mutant.file).read_text("utf-8")) for draw, mutant in mutants.items()}
     fresh = {d for d in told if d not in rows or any(rows[d][name] != text for name, text in told[d].items())}
+    path.parent.mkdir(parents=True, exist_ok=True)
     todo = fresh | {d for d in told if again and d in rows and rows[d]["status"] in ("survived", "not covered")}
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder).resolve() / "tree"
@@ -174,19 +176,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Count the small faults of shields/ that the tests notice.")
     parser.add_argument("--skip", type=int, default=0, help="mutants of that order to pass over")
     parser.add_argument("--count", type=int, default=SAMPLE, help="mutants to run")
-    parser.add_argument("--out", type=Path, default=CSV, help="the results")
+    parser.add_argument("--out", type=Path, default=ROOT / "logs/data/mutation.csv", help="the results")
     parser.add_argument("--again", action="store_true", help="also run survivors again")
-    parser.add_argument("--table", action="store_true", help="fill in the tables from the CSV, run nothing")
+    parser.add_argument("--table", action="store_true", help="fill in the page from docs/data, run nothing")
     options = parser.parse_args()
     if not options.table:
         order = dict(enumerate(shuffled_mutants(ROOT / "shields", SEED)))
         run(
             {d: order[d] for d in range(options.skip, options.skip + options.count)}, options.again, options.out
         )
+        print(scores({"in this file": rows_of(options.out)}))
+        print("Written:", options.out)
+        return
     parts = samples()
     tables = {"scores": lambda _: scores(parts), "survivors": lambda _: survivors(parts)}
     PAGE.write_text(filled(PAGE.read_text(encoding="utf-8"), [], tables), encoding="utf-8")
     print(scores(parts))
+    print("Written:", PAGE)
 
 
 if __name__ == "__main__":

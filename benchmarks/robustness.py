@@ -1,8 +1,8 @@
 """Errors within the bounds that a shield was told, and beyond: counted, for docs/robustness.md.
 
-    python benchmarks/robustness.py            everything, into docs/data/robustness.csv
-    python benchmarks/robustness.py --table    write the tables and draw the pictures from it
-    python benchmarks/robustness.py --short --out short.csv
+    python benchmarks/robustness.py --short    a little of everything, into logs/data/robustness.csv
+    python benchmarks/robustness.py --out docs/data/robustness.csv    everything, as the page has it
+    python benchmarks/robustness.py --table    fill in the page and draw its picture from that
 
 Every job has a key, and appends its row when it is done; jobs whose key is there already are skipped.
 """
@@ -254,6 +254,7 @@ def formed(value: Any) -> Any:
 def run(jobs: list[Job], path: Path, processes: int) -> None:
     """Do what is not done, and append it."""
     if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
     finished, at = {row["key"] for row in rows_of(path)}, revision()
     left = [job for job in jobs if job.key not in finished]
@@ -275,18 +276,20 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Fly under declared errors and count.")
-    parser.add_argument("--out", type=Path, default=CSV, help="the results")
+    parser.add_argument("--out", type=Path, default=ROOT / "logs/data/robustness.csv", help="the results")
     parser.add_argument("--jobs", type=int, default=1, help="number of processes")
     parser.add_argument("--only", default="", help="only jobs whose key begins with this")
     parser.add_argument("--short", action="store_true", help="a little of everything")
-    parser.add_argument("--table", action="store_true", help="write tables and pictures; fly nothing")
+    parser.add_argument("--table", action="store_true", help="fill in the page from docs/data; fly nothing")
     given = parser.parse_args()
     if not given.table:
         scale = SHORT if given.short else Scale()
         jobs = [job for job in (*chain_jobs(scale), *body_jobs(scale)) if job.key.startswith(given.only)]
         run(jobs, given.out, given.jobs)
-    if given.out == CSV:
-        report.write(rows_of(CSV), PAGE, FIGURES / "robustness.png", KINDS)
+        print("Written:", given.out)
+        return
+    report.write(rows_of(CSV), PAGE, FIGURES / "robustness.png", KINDS)
+    print(f"Written: {PAGE}\nDrawn: {FIGURES / 'robustness.png'}")
 
 
 if __name__ == "__main__":

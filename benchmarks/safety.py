@@ -1,8 +1,8 @@
 """The safety campaign: attacks on the shield, counted; docs/safety.md has its tables.
 
-    python benchmarks/safety.py                  the whole campaign, into docs/data/safety.csv
-    python benchmarks/safety.py --table          write the tables of docs/safety.md from it
-    python benchmarks/safety.py --short --out short.csv
+    python benchmarks/safety.py --short    a little of everything, into logs/data/safety.csv
+    python benchmarks/safety.py --out docs/data/safety.csv    the whole campaign, as the page has it
+    python benchmarks/safety.py --table    fill in the tables of docs/safety.md from that
 
 Every job has a key and appends one row per arm when it is done; jobs whose key is there already are skipped,
 so the campaign can be cut off and taken up again. For other random numbers give another ``--seed``.
@@ -23,6 +23,7 @@ from safety_campaign.flights import fly_attack
 from safety_campaign.results import ROOT, Results, revision
 from safety_campaign.stage import Setting
 
+CSV, PAGE = ROOT / "docs/data/safety.csv", ROOT / "docs/safety.md"
 # The first is the one that is tried; the others show that the attacks are attacks.
 ARMS, YAW_ARMS = ("sampled", "cbf", "none"), ("sampled", "measured", "none")
 ACTIONS = ("snap", "velocity", "wrench")
@@ -202,7 +203,7 @@ def append_all(done, results: Results, at: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Attack the shield and count.")
-    parser.add_argument("--out", type=Path, default=ROOT / "docs/data/safety.csv", help="the results")
+    parser.add_argument("--out", type=Path, default=ROOT / "logs/data/safety.csv", help="the results")
     parser.add_argument(
         "--weights", type=Path, default=ROOT / "logs/safety", help="folder for the paid policies"
     )
@@ -210,15 +211,17 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="of all random numbers")
     parser.add_argument("--only", default="", help="only jobs whose key contains this")
     parser.add_argument("--short", action="store_true", help="a little of everything")
-    parser.add_argument("--table", action="store_true", help="write the tables of docs/safety.md; fly nothing")
+    parser.add_argument("--table", action="store_true", help="fill in the page from docs/data; fly nothing")
     given = parser.parse_args()
-    results = Results(given.out)
     if given.table:
-        tables.write(ROOT / "docs/safety.md", results.rows, tables.TABLES | shape_tables.TABLES)
+        rows = Results(CSV).rows
+        tables.write(PAGE, rows, tables.TABLES | shape_tables.TABLES)
+        print("Written:", PAGE)
         return
     scale = SHORT if given.short else Scale()
     wanted = [job for job in jobs(scale, given.seed, given.weights) if given.only in job.key]
-    run_campaign(wanted, results, given.jobs)
+    run_campaign(wanted, Results(given.out), given.jobs)
+    print("Written:", given.out)
 
 
 if __name__ == "__main__":

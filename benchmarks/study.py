@@ -2,9 +2,10 @@
 
     ARMS="none shield collision-penalty shield-penalty cbf tracker random"
     python train.py --seed 10 --n-seeds 10 --arms $ARMS
-    python benchmarks/study.py RUN [RUN …]    into docs/data/study_*.csv and docs/figures/study.png
-    python benchmarks/study.py RUN --name indoor    into docs/data/study_indoor*.csv
-    python benchmarks/study.py                draw the picture and print the tables, from the CSV files
+    python benchmarks/study.py RUN [RUN …]    into data/study_*.csv and figures/study.png, both in logs
+    python benchmarks/study.py RUN --name indoor    into data/study_indoor*.csv
+    python benchmarks/study.py RUN [RUN …] --out docs    those of the page
+    python benchmarks/study.py --out docs     draw the picture and print the tables, from the CSV files
 
 Each action interface is one run; the picture shows that of the velocity commands. A run under conditions gets
 a name of its own.
@@ -28,16 +29,15 @@ from agents.report.run_figures import training_curves
 from agents.report.style import COLORS, INK
 
 ROOT = Path(__file__).resolve().parents[1]
-DATA, FIGURE = ROOT / "docs/data", ROOT / "docs/figures/study.png"
 SHOWN = "velocity"
 CURVES = ["arm", "kind", "steps", "middle", "low", "high"]
 Row = dict[str, Any]
 
 
-def keep(run: Run, study: str) -> None:
+def keep(run: Run, study: str, data: Path) -> None:
     """The small files of a run: one row a seed, one a group, and the curves of training."""
     for name, kept in (("seeds.csv", f"study_{study}_seeds.csv"), ("results.csv", f"study_{study}.csv")):
-        shutil.copyfile(run.folder / name, DATA / kept)
+        shutil.copyfile(run.folder / name, data / kept)
     rows = result_rows(seed_rows(run))
     trained = [row["arm"] for row in rows if row["phase"] == "training" and row["episodes"]]
     _, success, collisions = training_curves(run, trained)
@@ -47,7 +47,7 @@ def keep(run: Run, study: str) -> None:
         for arm, curve in curves.items()
         for point in zip(*curve, strict=True)
     ]
-    write_csv(DATA / f"study_{study}_curves.csv", CURVES, points)
+    write_csv(data / f"study_{study}_curves.csv", CURVES, points)
 
 
 def rows_of(path: Path) -> list[Row]:
@@ -65,9 +65,9 @@ def _value(text: str) -> Any:
         return text
 
 
-def tables(study: str) -> str:
+def tables(study: str, data: Path) -> str:
     """Training and evaluation as Markdown."""
-    rows = rows_of(DATA / f"study_{study}.csv")
+    rows = rows_of(data / f"study_{study}.csv")
     training = [row for row in rows if row["phase"] == "training"]
     flown = [row for row in rows if row["phase"] == "evaluation"]
     head = ["trained with", "violations", "rate, %", "per 1,000 steps", "per km", "success, %", "acts, %"]
@@ -133,7 +133,7 @@ def _markdown(head: Sequence[str], body: Sequence[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-def draw() -> None:
+def draw(data: Path, path: Path) -> None:
     """Learning, collisions while learning, and what is flown afterwards."""
     import matplotlib
 
@@ -141,7 +141,7 @@ def draw() -> None:
     from matplotlib import pyplot as plt
 
     figure, axes = plt.subplots(1, 3, figsize=(14.0, 4.2), layout="constrained")
-    points = rows_of(DATA / f"study_{SHOWN}_curves.csv")
+    points = rows_of(data / f"study_{SHOWN}_curves.csv")
     for axis, kind, scale in ((axes[0], "success", 100.0), (axes[1], "violations", 1.0)):
         for arm in dict.fromkeys(point["arm"] for point in points):
             _curve(axis, arm, [p for p in points if p["arm"] == arm and p["kind"] == kind], scale)
@@ -149,10 +149,10 @@ def draw() -> None:
     axes[0].set_ylabel("episodes that reach the goal, %")
     axes[1].set_ylabel("collisions so far, a seed")
     axes[0].legend(frameon=False, fontsize=9)
-    _forest(axes[2], [r for r in rows_of(DATA / f"study_{SHOWN}.csv") if r["phase"] == "evaluation"])
+    _forest(axes[2], [r for r in rows_of(data / f"study_{SHOWN}.csv") if r["phase"] == "evaluation"])
     for axis in axes:
         axis.spines[["top", "right"]].set_visible(False)
-    figure.savefig(FIGURE, dpi=130)
+    figure.savefig(path, dpi=130)
 
 
 def _curve(axis: Any, arm: str, points: list[Row], scale: float) -> None:
@@ -184,13 +184,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", nargs="*", type=Path, help="folders of finished runs")
     parser.add_argument("--name", help="of the study of one run; by default its action interface")
+    parser.add_argument("--out", type=Path, default=ROOT / "logs", help="folder for data and figures")
     given = parser.parse_args(arguments)
+    data, picture = given.out / "data", given.out / "figures/study.png"
+    for folder in (data, picture.parent):
+        folder.mkdir(parents=True, exist_ok=True)
     for folder in given.runs:
         run = open_run(folder)
-        keep(run, given.name or run.experiment.action)
-    draw()
-    for path in sorted(DATA.glob("study_*_seeds.csv")):
-        print(tables(path.name.removeprefix("study_").removesuffix("_seeds.csv")) + "\n")
+        keep(run, given.name or run.experiment.action, data)
+    for path in sorted(data.glob("study_*_seeds.csv")):
+        print(tables(path.name.removeprefix("study_").removesuffix("_seeds.csv"), data) + "\n")
+    print("Written:", data / "study_*.csv")
+    if (data / f"study_{SHOWN}.csv").exists():
+        draw(data, picture)
+        print("Drawn:", picture)
 
 
 if __name__ == "__main__":

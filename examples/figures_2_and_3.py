@@ -1,12 +1,12 @@
 """Figures 2 and 3 of the paper: the control-invariant sets of boxes of order 1, 2 and 3.
 
-    python examples/figures_2_and_3.py [folder]
+    python examples/figures_2_and_3.py [--out FOLDER]
 
-Writes figure_2.png and figure_3.png, into docs/figures if no folder is given. All bounds are ±1, and the
+Writes figure_2.png and figure_3.png; those of the docs with --out docs/figures. All bounds are ±1, and the
 inputs lie in [-1, 1]; in the right box of Fig. 3 the upper bound on x_1 is 0.2.
 """
 
-import sys
+import argparse
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -63,13 +63,14 @@ LIGHT = np.array([0.55, -0.6, 0.58])
 
 
 def main(folder: Path) -> None:
-    """Write both figures."""
+    """Write both figures, and say where."""
     folder.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
         for name, draw in (("figure_2", figure_2), ("figure_3", figure_3)):
             figure = draw()
             figure.savefig(folder / f"{name}.png", dpi=130)
             plt.close(figure)
+            print("Drawn:", folder / f"{name}.png")
 
 
 def figure_2():
@@ -250,4 +251,6 @@ def label_axes(ax, bounds: BoxBounds) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).resolve().parents[1] / "docs" / "figures")
+    parser = argparse.ArgumentParser(description="Draw Figures 2 and 3 of the paper.")
+    parser.add_argument("--out", type=Path, default=Path("logs/figures"), help="folder for the pictures")
+    main(parser.parse_args().out)

@@ -1,5 +1,7 @@
 """PPO of Stable-Baselines3 behind the shield, on four single envs."""
 
+from pathlib import Path
+
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 
@@ -14,4 +16,6 @@ def train(total_timesteps: int = 500_000, **settings) -> PPO:
 
 
 if __name__ == "__main__":
-    train(learning_rate=1e-3, n_steps=1024, batch_size=512, n_epochs=5, verbose=1).save("ppo_avoid")
+    Path("logs").mkdir(exist_ok=True)
+    train(learning_rate=1e-3, n_steps=1024, batch_size=512, n_epochs=5, verbose=1).save("logs/ppo_avoid")
+    print("Saved: logs/ppo_avoid.zip")

@@ -1,5 +1,7 @@
 """SAC of Stable-Baselines3 behind the shield, on four single envs."""
 
+from pathlib import Path
+
 from stable_baselines3 import SAC
 from stable_baselines3.common.env_util import make_vec_env
 
@@ -14,4 +16,6 @@ def train(total_timesteps: int = 100_000, **settings) -> SAC:
 
 
 if __name__ == "__main__":
-    train(verbose=1).save("sac_avoid")
+    Path("logs").mkdir(exist_ok=True)
+    train(verbose=1).save("logs/sac_avoid")
+    print("Saved: logs/sac_avoid.zip")

@@ -12,6 +12,8 @@ as 0.594 m into the sphere, with it no nearer than 0.147 m. It stays within 0.11
 the room is 0.12 m. That room is a measurement, not a proof: another tracker, or wind, needs another.
 """
 
+import sys
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -73,6 +75,8 @@ def fly(offset: tuple[float, float], shield: Shield | None) -> tuple[float, floa
 
 
 def main() -> None:
+    if find_spec("rotorpy") is None:
+        sys.exit('peer_simulator.py: error: RotorPy must be installed: pip install "quadsafe[peer]"')
     offsets = np.random.default_rng(0).uniform(-0.4, 0.4, (10, 2)).tolist()
     for name, make in (("without shield", lambda: None), ("with shield", Shield)):
         results = np.array([fly(tuple(offset), make()) for offset in offsets])

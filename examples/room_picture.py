@@ -1,4 +1,6 @@
-"""A flight through a room with bodies of every shape: ``python examples/room_picture.py`` draws it.
+"""A flight through a room with bodies of every shape, drawn.
+
+    python examples/room_picture.py [--out FILE]    # the picture of the README: --out docs/figures/room.png
 
 A wall with a doorway and a window frame stand in the way; velocity commands lead from waypoint to waypoint.
 """
@@ -73,10 +75,12 @@ def fly(env: Any) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/figures/room.png"), help="where to")
+    parser.add_argument("--out", type=Path, default=Path("logs/figures/room.png"), help="file to write")
     out, env = parser.parse_args().out, room(720)
     print(f"least clearance {fly(env):.3f} m")
+    out.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(env.render()).save(out, optimize=True)
+    print("Drawn:", out)
 
 
 if __name__ == "__main__":

@@ -52,7 +52,7 @@ ALONG = np.array([2.0, 1.0, 0.0]) / np.sqrt(5.0)  # level direction from start t
 
 
 def draw_figures(nominal: "Flight", safe: "Flight", out: Path) -> None:
-    """Write the four pictures into a folder."""
+    """Write the four pictures into a folder, and say where."""
     out.mkdir(parents=True, exist_ok=True)
     with plt.rc_context(STYLE):
         for name, draw in (("fig1", figure_1), ("fig5", figure_5), ("fig6", figure_6)):
@@ -64,6 +64,7 @@ def save(figure: Figure, path: Path, **options: Any) -> None:
     """Write a picture and let go of it."""
     figure.savefig(path, dpi=120, **options)
     plt.close(figure)
+    print("Drawn:", path)
 
 
 def figure_1(nominal: "Flight", safe: "Flight") -> Figure:

@@ -1,6 +1,6 @@
 """Section VI of the paper: a test flight past an obstacle, with and without the shield, and its figures.
 
-    python examples/section_vi_flight.py [--out DIR]
+    python examples/section_vi_flight.py [--out FOLDER]    # the figures of the docs: --out docs/figures
 
 A nominal controller tracks a minimum-snap path from (0, −1, 0) to (4, 1, 4) past an obstacle at (2, 0, 1). The
 path runs 0.745 m from the obstacle's centre, hence through the keep-out sphere. The paper gives neither mass,
@@ -143,7 +143,7 @@ def table(nominal: Flight, safe: Flight) -> str:
 def main() -> None:
     """Fly, print, draw."""
     parser = argparse.ArgumentParser(description="Fly Section VI with and without the shield and draw it.")
-    parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder for the pictures")
+    parser.add_argument("--out", type=Path, default=Path("logs/figures"), help="folder for the pictures")
     out = parser.parse_args().out
     from section_vi_figures import draw_figures
 

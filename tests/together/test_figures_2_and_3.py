@@ -41,7 +41,8 @@ def test_fig3_without_the_cap_the_surface_lies_outside(figures):
     assert not figures.FLAT.contains(inner).any() and (np.abs(inner[..., 1:]) <= 1.0).all()
 
 
-def test_both_figures_are_written(figures, tmp_path):
+def test_both_figures_are_written_and_told(figures, tmp_path, capsys):
     figures.main(tmp_path)
+    told = capsys.readouterr().out
     for name in ("figure_2.png", "figure_3.png"):
-        assert 10_000 < (tmp_path / name).stat().st_size < 250_000
+        assert 10_000 < (tmp_path / name).stat().st_size < 250_000 and str(tmp_path / name) in told
