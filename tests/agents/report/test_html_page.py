@@ -5,14 +5,13 @@ import subprocess
 import sys
 
 import pytest
-from browser import Browser
+from browser import Browser, needs_chromium, opened
 from made_run import made_run
 
 from agents.experiment.runs import open_run
 from agents.report.reporting import write_report
 
 FIGURES = ["learning", "violations", "forest", "clearance", "flights", "timeline"]
-CHROMIUM = shutil.which("chromium")
 # What is seen of each figure: traces with a line or a point, and the objects in its space.
 MARKS = """[...document.querySelectorAll('.js-plotly-plot')].map(figure => [
     figure.id.replace('figure-', ''),
@@ -87,10 +86,10 @@ def test_help_does_not_load_plotly():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+@needs_chromium
 @pytest.mark.parametrize("width", [1200, 390])
 def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, tmp_path, width):
-    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
+    with Browser(tmp_path / "profile") as browser:
         browser.open(run.folder / "report.html", width)
         browser.until(f"document.querySelectorAll('.js-plotly-plot .main-svg').length >= {3 * len(FIGURES)}")
         marks = {name: (traces, objects) for name, traces, objects in browser.ask(MARKS)}
@@ -111,14 +110,13 @@ def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, 
     assert scrolled <= width
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+@needs_chromium
 def test_the_browser_tells_errors_and_requests(tmp_path):
     page = tmp_path / "page.html"
     page.write_text(
         "<script>console.error('told')</script><img src='there_is_none.png'><script>fail()</script>"
     )
-    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
-        browser.open(page, 800)
-        told = " ".join(browser.errors)
-        assert "told" in told and "fail is not defined" in told and "ERR_FILE_NOT_FOUND" in told
-        assert browser.requests == [page.as_uri(), (tmp_path / "there_is_none.png").as_uri()]
+    told = opened(page, tmp_path / "profile", 800)
+    assert all(word in " ".join(told.errors) for word in ("told", "fail is not defined", "ERR_FILE_NOT_FOUND"))
+    assert told.requests == [page.as_uri(), (tmp_path / "there_is_none.png").as_uri()]
+    assert "<img" in told.dom
