@@ -10,9 +10,9 @@ from plotly.subplots import make_subplots
 
 from agents.experiment.arms import ARMS
 from agents.measure.results import REFERENCE, Row
+from agents.page.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 from agents.report.curves import Curve
 from agents.report.rates import interval
-from agents.report.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 
 FLOWN = {"off": "flown without the shield", "on": "flown with the shield"}
 SOLID, DASHES = "solid", ("solid", "14px,14px", "7px,21px", "4px,24px", "2px,26px")

@@ -9,10 +9,10 @@ from tqdm import tqdm
 from agents.experiment.files import write_csv, write_text
 from agents.experiment.runs import Run
 from agents.measure import results
+from agents.page.html_page import CaptionedFigure, html_page
 from agents.report import flight_figures, tables
 from agents.report.headline import headline
-from agents.report.html_page import html_page
-from agents.report.run_figures import CaptionedFigure, run_figures
+from agents.report.run_figures import run_figures
 from quadsafe_core.checks import one_of
 from quadsafe_env import load_obstacles
 from quadsafe_env.registration import IDS

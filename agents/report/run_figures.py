@@ -1,26 +1,14 @@
 """The figures of a run, each with its title and its words."""
 
-from typing import NamedTuple
-
-import plotly.graph_objects as go
-
 from agents.experiment.arms import ARMS
 from agents.experiment.runs import Run
 from agents.measure import results
 from agents.measure.results import Row
 from agents.measure.trace import Trace, read_trace
+from agents.page.html_page import CaptionedFigure
 from agents.report import curves, figures, flight_figures
 from agents.report.curves import Curve
 from agents.report.rates import in_words
-
-
-class CaptionedFigure(NamedTuple):
-    """A figure of the page, with its title and the words below it."""
-
-    name: str
-    title: str
-    caption: str
-    figure: go.Figure
 
 
 def run_figures(run: Run, rows: list[Row]) -> list[CaptionedFigure]:

@@ -9,9 +9,10 @@ from run_files import table
 from agents.measure import results
 from agents.measure.statistics import iqm
 from agents.measure.trace import read_trace
+from agents.page import meshes
+from agents.page.style import COLORS
 from agents.report import curves, figures, flight_figures
 from agents.report.run_figures import run_figures
-from agents.report.style import COLORS
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Sphere
 
 ARMS = ("none", "collision-penalty", "shield", "tracker")
@@ -179,7 +180,7 @@ def triangles_of(mesh):
 @pytest.mark.parametrize("keep_out", [0.0, 0.2])
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 def test_a_mesh_of_a_body_is_its_surface(shape, keep_out):
-    (mesh,) = flight_figures.bodies([shape], keep_out, "body", 1.0)
+    (mesh,) = meshes.bodies([shape], keep_out, "body", 1.0)
     corners = triangles_of(mesh)
     assert shape.distance(corners) == pytest.approx(keep_out, abs=1e-9)
     # Chords of the surface, which lie a little below it.
@@ -192,27 +193,27 @@ def test_a_mesh_of_a_body_is_its_surface(shape, keep_out):
 
 
 def test_bodies_are_two_meshes_and_one_entry_of_the_legend():
-    meshes = flight_figures.bodies(SHAPES, 0.0, "obstacle", 1.0)
-    assert [mesh.showlegend for mesh in meshes] == [True, False]
-    assert [mesh.flatshading for mesh in meshes] == [False, True]
-    assert not flight_figures.bodies([], 0.0, "obstacle", 1.0)
+    found = meshes.bodies(SHAPES, 0.0, "obstacle", 1.0)
+    assert [mesh.showlegend for mesh in found] == [True, False]
+    assert [mesh.flatshading for mesh in found] == [False, True]
+    assert not meshes.bodies([], 0.0, "obstacle", 1.0)
 
 
 def test_walls_are_drawn_where_they_bound_what_is_free():
     low, high = np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 2.5])
     room = [HalfSpace(axis, a) for axis, a in zip(np.eye(3), low, strict=True)]
     room += [HalfSpace(-axis, -a) for axis, a in zip(np.eye(3), high, strict=True)]
-    meshes = flight_figures.walls(room, low - 1.0, high + 1.0)
-    assert [mesh.showlegend for mesh in meshes] == [True] + 5 * [False] and meshes[0].opacity < 0.3
-    for wall, mesh, sides in zip(room, meshes, 2 * [[1, 2], [0, 2], [0, 1]], strict=True):
+    found = meshes.walls(room, low - 1.0, high + 1.0)
+    assert [mesh.showlegend for mesh in found] == [True] + 5 * [False] and found[0].opacity < 0.3
+    for wall, mesh, sides in zip(room, found, 2 * [[1, 2], [0, 2], [0, 1]], strict=True):
         corners = triangles_of(mesh)
         assert wall.distance(corners) == pytest.approx(0.0, abs=1e-12)
         area = 0.5 * np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2))), axis=1).sum()
         assert area == pytest.approx(np.prod((high - low)[sides]))
     # A wall alone goes to the ends of the box, and one beyond it is not drawn.
-    (alone,) = flight_figures.walls([room[0]], low - 1.0, high + 1.0)
+    (alone,) = meshes.walls([room[0]], low - 1.0, high + 1.0)
     assert (alone.y.min(), alone.y.max(), alone.z.max()) == pytest.approx((-3.0, 3.0, 3.5))
-    assert not flight_figures.walls([HalfSpace((1, 0, 0), -9.0)], low, high)
+    assert not meshes.walls([HalfSpace((1, 0, 0), -9.0)], low, high)
 
 
 def test_the_timeline_shows_desired_and_applied_snap_and_shades_where_the_shield_acts(run, drawn):
