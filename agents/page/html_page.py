@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 from plotly.offline import get_plotlyjs
 
 from agents.page.css import STYLE
+from agents.page.player import LOOKS, player
 
 CONFIG = {
     "displaylogo": False,
@@ -27,6 +28,8 @@ class CaptionedFigure(NamedTuple):
     title: str
     caption: str
     figure: go.Figure
+    lasts: float = 0.0
+    """How long it can be played, s; 0 for a figure without a time."""
 
 
 def html_page(
@@ -81,7 +84,7 @@ def _head(title: str, has_figures: bool) -> list[str]:
         # Browsers ask for an icon where a page names none.
         '<link rel="icon" href="data:,">',
         f"<title>{escape(title)}</title>",
-        f"<style>\n{STYLE}</style>",
+        f"<style>\n{STYLE}{LOOKS}</style>",
         *([f"<script>{get_plotlyjs()}</script>"] if has_figures else []),
     ]
 
@@ -123,4 +126,5 @@ def _figure(number: int, shown: CaptionedFigure) -> str:
     least = LEAST_WIDTH.get(shown.name, 0)
     caption = f"<figcaption>Figure {number}. {_kept(shown.caption)}</figcaption>"
     place = f'<div class="wide"><div class="plot" style="--least: {least}px">{drawn}</div></div>'
-    return _section(shown.title, f"<figure>\n{caption}\n{place}\n</figure>")
+    controls = player(f"figure-{shown.name}", shown.lasts) if shown.lasts else ""
+    return _section(shown.title, f"<figure>\n{caption}\n{place}\n{controls}</figure>")

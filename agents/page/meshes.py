@@ -13,7 +13,7 @@ AROUND, DOWN = 49, 24  # directions from which a body is seen
 
 
 def bodies(shapes: Sequence[Shape], keep_out: float, name: str, opacity: float) -> list[go.Mesh3d]:
-    """Bodies grown by a ball, the round ones as one mesh and those with faces as another.
+    """Bodies grown by a ball; of those that move alike, the round ones are one mesh, those with faces another.
 
     Args:
         shapes: any but half-spaces.
@@ -21,15 +21,15 @@ def bodies(shapes: Sequence[Shape], keep_out: float, name: str, opacity: float) 
         name: what the legend calls them.
         opacity: 1 hides what is behind.
     """
-    round_ones = [shape for shape in shapes if isinstance(shape, Sphere | Capsule | Ellipsoid)]
-    others = [shape for shape in shapes if shape not in round_ones]
-    normals, triangles = _unit_sphere()
     meshes = []
-    for kind, is_flat in ((round_ones, False), (others, True)):
-        if kind:
-            points = np.concatenate([shape.support(normals) + keep_out * normals for shape in kind])
-            corners = np.concatenate([triangles + n * len(normals) for n in range(len(kind))])
-            meshes.append(_mesh(points, corners, name, opacity, is_flat, showlegend=not meshes))
+    for velocity in dict.fromkeys(shape.velocity for shape in shapes):
+        together = [shape for shape in shapes if shape.velocity == velocity]
+        round_ones = [shape for shape in together if isinstance(shape, Sphere | Capsule | Ellipsoid)]
+        others = [shape for shape in together if shape not in round_ones]
+        for kind, is_flat in ((round_ones, False), (others, True)):
+            if kind:
+                mesh = _mesh(*_surface(kind, keep_out), name, opacity, is_flat, showlegend=not meshes)
+                meshes.append(_moving(mesh, velocity) if any(velocity) else mesh)
     return meshes
 
 
@@ -55,6 +55,19 @@ def walls(half_spaces: Sequence[HalfSpace], low: NDArray, high: NDArray) -> list
             fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
             meshes.append(_mesh(corners, fan, "wall", 0.14, True, showlegend=not meshes))
     return meshes
+
+
+def _surface(shapes: Sequence[Shape], keep_out: float) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Points (P, 3) of bodies grown by a ball, and the points at the corners of their triangles (T, 3)."""
+    normals, triangles = _unit_sphere()
+    points = [shape.support(normals) + keep_out * normals for shape in shapes]
+    return np.concatenate(points), np.concatenate([triangles + n * len(normals) for n in range(len(shapes))])
+
+
+def _moving(mesh: go.Mesh3d, velocity: Sequence[float]) -> go.Mesh3d:
+    """A mesh that the player of a page can move: its points as numbers that a script can read."""
+    points = {axis: np.round(mesh[axis], 4).tolist() for axis in "xyz"}
+    return mesh.update(**points, meta={"velocity": list(velocity)})
 
 
 def _square(wall: HalfSpace, middle: NDArray, size: float) -> NDArray[np.float64]:

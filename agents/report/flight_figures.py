@@ -9,11 +9,11 @@ from plotly.subplots import make_subplots
 
 from agents.measure.trace import AXES, Trace, vectors
 from agents.page.meshes import bodies, walls
-from agents.page.style import ACTS, INK, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
+from agents.page.style import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
 from quadsafe_core.shapes import HalfSpace, shape_from
 
 ROOM = 1.0  # m; walls are drawn so far around paths and bodies
-LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
+OFF, ON = "without the shield", "with the shield"
 EYE_DISTANCE, EYE_HEIGHT = 1.75, 0.6  # of the camera, in units of plotly
 
 
@@ -23,30 +23,33 @@ def flights(trace: Trace) -> go.Figure:
     figure = blank(560, margin={"l": 0, "r": 0, "t": 8, "b": 0})
     without, shielded = vectors(trace.without, "position"), vectors(trace.shielded, "position")
     figure.add_traces(surroundings(scene, np.concatenate([without, shielded])))
-    figure.add_trace(_path(without, "without the shield", WITHOUT, 13))
+    for flown, name in ((without, OFF), (shielded, ON)):
+        ahead = _path(flown, name, OBSTACLE, 2)
+        figure.add_trace(ahead.update(showlegend=False, legendgroup=name, hoverinfo="skip"))
     # The last row is where the last step ended.
-    acts = trace.shielded["intervened"][:-1]
-    figure.add_trace(_path(pieces(shielded, ~acts), "with the shield", SHIELDED, 7))
-    figure.add_trace(_path(pieces(shielded, acts), "the shield acts", ACTS, 7))
-    marks = {"start": (np.array(scene["start"]), INK), "goal": (np.array(scene["goal"]), INK)}
+    acts, always = trace.shielded["intervened"][:-1], np.ones(len(without) - 1, np.bool_)
+    figure.add_trace(_trail("without", trace.without, always, OFF, WITHOUT, 11))
+    figure.add_trace(_trail("shielded", trace.shielded, ~acts, ON, SHIELDED, 7))
+    figure.add_trace(_trail("shielded", trace.shielded, acts, "the shield acts", ACTS, 7))
+    figure.add_trace(_vehicle("without", trace.without, OFF, WITHOUT))
+    figure.add_trace(_vehicle("shielded", trace.shielded, ON, SHIELDED))
+    figure.add_trace(_mark("start", np.array(scene["start"]), INK, "circle"))
+    figure.add_trace(_mark("goal", np.array(scene["goal"]), INK, "diamond"))
     hit = collision(trace)
     if hit is not None:
-        marks["collision"] = hit, WITHOUT
-    for point, color in marks.values():
-        figure.add_trace(_point(point, color))
+        figure.add_trace(_mark("collision", hit, WITHOUT, "x"))
     titles = {f"{axis}axis": {"title": {"text": f"{axis}, m"}, "nticks": 6} for axis in AXES}
     eye = _eye(scene["start"], scene["goal"])
     figure.update_traces(lightposition={axis: 1e4 * eye[axis] for axis in AXES}, selector={"type": "mesh3d"})
-    labels = [_label(name, *mark) for name, mark in marks.items()]
     return figure.update_layout(
         scene={
             "aspectmode": "data",
             "camera": {"eye": eye, "center": {"x": 0, "y": 0, "z": -0.18}},
             "dragmode": "turntable",
-            "annotations": labels,
             **titles,
         },
-        legend={"y": 0.99, "yanchor": "top", "itemsizing": "constant", "bgcolor": "rgba(255, 255, 255, 0.7)"},
+        meta={"without": _told(trace.without, OFF), "shielded": _told(trace.shielded, ON)},
+        legend={"itemsizing": "constant"},
     )
 
 
@@ -123,6 +126,11 @@ def timeline(trace: Trace) -> go.Figure:
     return figure.update_xaxes(title_text="time, s", row=4, col=1)
 
 
+def duration(trace: Trace) -> float:
+    """How long the longer flight lasted, s."""
+    return float(max(trace.without["time"][-1], trace.shielded["time"][-1]))
+
+
 def acting(trace: Trace) -> list[tuple[float, float]]:
     """The times from and to which the shield acts, s."""
     time = trace.shielded["time"]
@@ -131,7 +139,7 @@ def acting(trace: Trace) -> list[tuple[float, float]]:
 
 def pieces(points: NDArray, is_drawn: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The parts of a path on chosen steps, with a row of NaN after each; step i goes from point i to i + 1."""
-    gap = np.full((1, 3), np.nan)
+    gap = np.full((1, points.shape[1]), np.nan)
     parts = [part for a, b in _stretches(is_drawn) for part in (points[a : b + 1], gap)]
     return np.concatenate(parts) if parts else gap
 
@@ -144,20 +152,45 @@ def collision(trace: Trace) -> NDArray[np.float64] | None:
 
 def _path(points: NDArray, name: str, color: str, width: float) -> go.Scatter3d:
     x, y, z = points.T
-    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, line={"color": color, "width": width})
+    line = {"color": color, "width": width}
+    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, legendgroup=name, line=line)
 
 
-def _point(point: NDArray, color: str) -> go.Scatter3d:
+def _trail(
+    flight: str, steps: NDArray[np.void], is_drawn: NDArray[np.bool_], name: str, color: str, width: float
+) -> go.Scatter3d:
+    """The chosen steps of a flight, up to the time that is shown (``agents.page.player``)."""
+    timed = pieces(np.column_stack([vectors(steps, "position"), steps["time"]]), is_drawn)
+    times = [None if np.isnan(time) else time for time in timed[:, 3].tolist()]
+    return _path(timed[:, :3], name, color, width).update(meta={"flight": flight, "time": times})
+
+
+def _vehicle(flight: str, steps: NDArray[np.void], name: str, color: str) -> go.Scatter3d:
+    """Where a flight is at the time that is shown."""
+    marker = {"size": 8, "line": {"color": INK, "width": 2}}
+    meta = {"flight": flight, "time": [float(steps["time"][-1])]}
+    point = _mark(name, vectors(steps, "position")[-1], color, "circle")
+    return point.update(marker=marker, meta=meta, legendgroup=name, showlegend=False)
+
+
+def _told(steps: NDArray[np.void], name: str) -> dict[str, Any]:
+    """A flight as the player of a page takes it."""
+    position = np.round(vectors(steps, "position"), 4).tolist()
+    clearance = np.round(steps["clearance"][:-1], 4).tolist()
+    acts = steps["intervened"].tolist()
+    return {
+        "name": name,
+        "time": steps["time"].tolist(),
+        "position": position,
+        "clearance": clearance,
+        "acts": acts,
+    }
+
+
+def _mark(name: str, point: NDArray, color: str, symbol: str) -> go.Scatter3d:
     x, y, z = point[:, None]
-    marker = {"color": color, "size": 5}
-    return go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, showlegend=False, hoverinfo="skip")
-
-
-def _label(name: str, point: NDArray, color: str) -> dict[str, Any]:
-    x, y, z = map(float, point)
-    aside, below = LABEL_OFFSETS[name]
-    arrow = {"ax": aside, "ay": below, "arrowwidth": 1, "arrowcolor": color, "standoff": 4}
-    return {"x": x, "y": y, "z": z, "text": name, "font": {"color": color, "size": 14}, "arrowhead": 0, **arrow}
+    marker = {"color": color, "size": 5, "symbol": symbol}
+    return go.Scatter3d(x=x, y=y, z=z, mode="markers", name=name, marker=marker, hoverinfo="skip")
 
 
 def _eye(start: list[float], goal: list[float]) -> dict[str, float]:

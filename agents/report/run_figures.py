@@ -93,8 +93,10 @@ def _scene(trace: Trace) -> list[CaptionedFigure]:
         CaptionedFigure(
             "flights",
             "One scene, without and with the shield",
-            f"The same agent ({who}), the same start. Drag to turn, scroll to come nearer.",
+            f"The same agent ({who}), the same start. Drag to turn, scroll to come nearer, click in the legend "
+            "to hide a flight, play or move the slider to see where both are at a time.",
             flight_figures.flights(trace),
+            flight_figures.duration(trace),
         ),
         CaptionedFigure(
             "timeline",

@@ -13,6 +13,7 @@ from agents.measure.evaluate import FLIGHT, held_out_scenes
 from agents.measure.trace import HEADER, NO_SNAPS
 
 STEPS, EPISODES, FLIGHTS, PERIOD = 20_000, 120, 40, 0.04
+MOVES = [0.0, 0.5, 0.0]  # m/s, of a capsule below the flights
 
 
 def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is_traced=True) -> Run:
@@ -91,7 +92,9 @@ def write_trace(run: Run) -> None:
     write_csv(run.folder / "trace.csv", HEADER, rows)
     scene = {"start": [-1.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0], "period": PERIOD}
     body = {"shape": "sphere", "center": [0.0, 0.0, 0.0], "radius": radius - 0.06}
-    among = {"obstacles": [body], "keep_out": 0.06}
+    ends = {"start": [0.0, 0.0, -1.0], "end": [0.3, 0.0, -1.0], "radius": 0.1}
+    moving = {"shape": "capsule", **ends, "velocity": MOVES}
+    among = {"obstacles": [body, moving], "keep_out": 0.06}
     arm = run.experiment.arms[0]
     write_json(
         run.folder / "trace.json", {"arm": arm, "seed": 0, "scene": held_out_scenes(1)[0], **scene, **among}

@@ -157,16 +157,15 @@ def test_the_paths_are_those_of_the_trace_and_split_where_the_shield_acts(run, d
     # Two stretches of six and three steps, each from its first position to that after its last.
     assert [len(part) for part in np.split(acting.x, np.flatnonzero(np.isnan(acting.x)))][:2] == [7, 5]
     assert acting.x[0] == float(shielded[4]["position_x"]) and acting.x[6] == float(shielded[10]["position_x"])
-    (quiet,) = [t for t in figure.data if t.name == "with the shield"]
+    (quiet,) = [t for t in figure.data if t.name == "with the shield" and t.mode == "lines" and t.meta]
+    assert acting.meta["time"][:8] == [float(row["time"]) for row in shielded[4:11]] + [None]
     drawn_steps = sum(np.isfinite(np.diff(t.x)).sum() for t in (acting, quiet))
     assert drawn_steps == len(shielded) - 1
     hit = flight_figures.collision(trace)
     # The sphere begins at x = −0.5; the flight ends with the step that enters it.
-    assert -0.5 < hit[0] < -0.43 and [a.text for a in figure.layout.scene.annotations] == [
-        "start",
-        "goal",
-        "collision",
-    ]
+    marks = {t.name: (t.x[0], t.y[0], t.z[0]) for t in figure.data if t.name in ("start", "goal", "collision")}
+    assert -0.5 < hit[0] < -0.43 and marks["collision"] == tuple(hit)
+    assert marks["start"] == (-1.0, 0.0, 0.0) and marks["goal"] == (1.0, 0.0, 0.0)
 
 
 def triangles_of(mesh):
@@ -197,6 +196,16 @@ def test_bodies_are_two_meshes_and_one_entry_of_the_legend():
     assert [mesh.showlegend for mesh in found] == [True, False]
     assert [mesh.flatshading for mesh in found] == [False, True]
     assert not meshes.bodies([], 0.0, "obstacle", 1.0)
+
+
+def test_bodies_that_move_alike_are_a_mesh_that_moves():
+    moving = [Sphere((i, 0, 0), 0.2, velocity=(0, 1, 0)) for i in range(2)]
+    still, *found = meshes.bodies(
+        [SHAPES[0], *moving, Box((3, 0, 0), (1, 1, 1), velocity=(0, 0, 2))], 0.0, "", 1.0
+    )
+    assert still.meta is None and [mesh.meta["velocity"] for mesh in found] == [[0, 1, 0], [0, 0, 2]]
+    # Chords of the spheres.
+    assert max(found[0].x) == pytest.approx(1.2, abs=1e-3) and min(found[0].x) == pytest.approx(-0.2, abs=1e-3)
 
 
 def test_walls_are_drawn_where_they_bound_what_is_free():
