@@ -17,7 +17,7 @@ CONFIG = {
     "toImageButtonOptions": {"format": "svg"},
 }
 # Below this width, px, a figure is scrolled, not squeezed.
-LEAST_WIDTH = {"forest": 860, "flights": 640}
+LEAST_WIDTH = {"forest": 860, "flights": 640, "logged": 720}
 Table = Sequence[Sequence[str]]
 
 
@@ -39,8 +39,8 @@ def html_page(
     headline: Sequence[tuple[str, str]],
     tables: Mapping[str, Table],
     figures: Sequence[CaptionedFigure],
-    note: str,
-    records: Mapping[str, str],
+    legend: Mapping[str, str],
+    records: Mapping[str, Table],
 ) -> str:
     """The page.
 
@@ -50,17 +50,16 @@ def html_page(
         headline: titles and their sentences.
         tables: rows of cells under their heads, by title.
         figures: those of the run, with their words.
-        note: what the words and numbers mean.
-        records: texts at the end, folded away, by title.
+        legend: what the heads of the tables mean.
+        records: names and their values, at the end, folded away, by title.
     """
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="subtitle">{escape(subtitle)}</p>',
         _sentences(headline),
-        *(_section(name, _table(rows)) for name, rows in tables.items()),
+        *(_section(name, _table(rows) + _legend(rows[0], legend)) for name, rows in tables.items()),
         *(_figure(i, figure) for i, figure in enumerate(figures, start=1)),
-        _section("How to read the numbers", f'<p class="note">{escape(note)}</p>'),
-        *(_folded(name, text) for name, text in records.items()),
+        *(_folded(name, rows) for name, rows in records.items()),
     ]
     head = _head(title, bool(figures))
     parts = [
@@ -89,8 +88,21 @@ def _head(title: str, has_figures: bool) -> list[str]:
     ]
 
 
-def _folded(title: str, text: str) -> str:
-    return f"<details><summary>{escape(title)}</summary><pre>{escape(text)}</pre></details>"
+def _folded(title: str, rows: Table) -> str:
+    lines = "\n".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
+    table = f'<div class="wide"><table class="settings"><tbody>\n{lines}\n</tbody></table></div>'
+    return f"<details><summary>{escape(title)}</summary>{table}</details>"
+
+
+def _legend(heads: Sequence[str], legend: Mapping[str, str]) -> str:
+    """The heads that are explained, and what they mean."""
+    known = [(_cell(head), _cell(legend[head])) for head in heads if head in legend]
+    entries = "".join(f"<div><dt>{head}</dt><dd>{meaning}</dd></div>\n" for head, meaning in known)
+    return f'\n<dl class="legend">\n{entries}</dl>'
+
+
+def _cell(text: str) -> str:
+    return _kept(text.replace("<=", "≤").replace(">=", "≥"))
 
 
 def _sentences(headline: Sequence[tuple[str, str]]) -> str:
@@ -108,7 +120,7 @@ def _section(title: str, content: str) -> str:
 
 
 def _table(rows: Table) -> str:
-    head, *body = [[escape(cell.replace("<=", "≤").replace(">=", "≥")) for cell in row] for row in rows]
+    head, *body = [[_cell(cell) for cell in row] for row in rows]
     lines = ["".join(f"<td>{cell}</td>" for cell in row) for row in body]
     return "\n".join(
         [

@@ -1,9 +1,9 @@
 """A button, a slider and a line of words that play a figure of flights.
 
 The figure tells what to play. Its layout has in ``meta`` what each flight is called, and row by row its time,
-position and clearance, in s and m, and whether the shield acts. A trace with ``flight`` and ``time``
-in ``meta`` has a point for each of these times, shown where the flight was then, or where it is now if that is earlier. A trace
-with a ``velocity`` in ``meta`` is drawn as it was at 0 s, and moves from there.
+position and clearance, in s and m, and whether the shield acts. A trace with ``flight`` and ``time`` in
+``meta`` has a point for each of these times, shown where the flight was then, or where it is now if that is
+earlier. A trace with a ``velocity`` in ``meta`` is drawn as it was at 0 s, and moves from there.
 """
 
 SCRIPT = """\

@@ -8,6 +8,7 @@ from agents.measure.trace import Trace, read_trace
 from agents.page.html_page import CaptionedFigure
 from agents.report import curves, figures, flight_figures
 from agents.report.curves import Curve
+from agents.report.logged import logged_figure
 from agents.report.rates import in_words
 
 
@@ -19,7 +20,7 @@ def run_figures(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
         rows: from ``agents.measure.results.result_rows``.
     """
     trace = read_trace(run)
-    found = [*_training(run, rows), *_flights(run, rows)]
+    found = [*_training(run, rows), *logged_figure(run), *_flights(run, rows)]
     return found if trace is None else [*found, *_scene(trace)]
 
 

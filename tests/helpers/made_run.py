@@ -38,9 +38,20 @@ def write_training(run: Run, arm: str, seed: int, rng: np.random.Generator) -> N
     episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng)
     rows = [[end, *episode] for end, episode in zip(ends, episodes.tolist(), strict=True)]
     write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(EPISODE.names or ())], rows)
+    write_progress(run, arm, seed, rng)
     told = {"timesteps": STEPS, "steps_per_second": 30_000 + seed, "seconds": 1.0}
     write_json(run.folder_of(arm, seed) / "training.json", told)
     write_text(run.folder_of(arm, seed) / "policy.pt", "")
+
+
+def write_progress(run: Run, arm: str, seed: int, rng: np.random.Generator, last: int = STEPS) -> None:
+    """Rows up to a step; of the first nothing was learned yet."""
+    steps = np.linspace(0, last, 12).astype(int)[1:].tolist()
+    names = ["rollout/ep_rew_mean", "rollout/violations", "time/total_timesteps"]
+    learned = ["train/learning_rate", "train/n_updates", "train/policy_gradient_loss", "train/value_loss"]
+    rows = [[rng.normal(), 7, step, 3e-3, step // 64, rng.normal(), rng.uniform()] for step in steps]
+    rows[0][3:] = [""] * len(learned)
+    write_csv(run.folder_of(arm, seed) / "progress.csv", [*names, *learned], rows)
 
 
 def write_flights(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:

@@ -244,9 +244,9 @@ def test_a_run_has_the_figures_that_it_has_data_for(tmp_path):
     cases = {
         "one": (
             {"arms": ("shield",), "n_seeds": 1},
-            ["learning", "violations", "forest", "clearance", "flights", "timeline"],
+            ["learning", "violations", "logged", "forest", "clearance", "flights", "timeline"],
         ),
-        "unflown": ({"is_flown": False, "is_traced": False}, ["learning", "violations"]),
+        "unflown": ({"is_flown": False, "is_traced": False}, ["learning", "violations", "logged"]),
         "untrained": ({"arms": ("tracker",), "is_traced": False}, ["forest", "clearance"]),
         "empty": ({"arms": ("tracker",), "is_flown": False, "is_traced": False}, []),
     }

@@ -13,7 +13,7 @@ from agents.experiment.runs import open_run
 from agents.measure.trace import read_trace, vectors
 from agents.report.reporting import write_report
 
-FIGURES = ["learning", "violations", "forest", "clearance", "flights", "timeline"]
+FIGURES = ["learning", "violations", "logged", "forest", "clearance", "flights", "timeline"]
 # What is seen of each figure: traces with a line or a point, and the objects in its space.
 MARKS = """[...document.querySelectorAll('.js-plotly-plot')].map(figure => [
     figure.id.replace('figure-', ''),
@@ -125,9 +125,17 @@ def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, 
     assert list(marks) == FIGURES
     # Two spheres, three paths, three points.
     assert marks.pop("flights")[1] >= 8 and painted > 0.05
-    # A line of each of five arms; of seven arms flown twice four points each, but no differences of the
+    seen = {"learning": 5, "violations": 5, "logged": 3 * 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7}
+    seen["timeline"] = 2 * 3 + 2
     # reference to itself, and a curve each; three snaps desired and applied, two clearances.
-    seen = {"learning": 5, "violations": 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7, "timeline": 2 * 3 + 2}
+    seen = {
+        "learning": 5,
+        "violations": 5,
+        "logged": 3 * 5,
+        "forest": 2 * 7 * 4 - 2,
+        "clearance": 2 * 7,
+        "timeline": 2 * 3 + 2,
+    }
     assert {name: traces for name, (traces, _) in marks.items()} == seen
     assert all(picture.stat().st_size > 5_000 for picture in pictures)
     assert scrolled <= width and touching == []
