@@ -22,8 +22,9 @@ def bodies(shapes: Sequence[Shape], keep_out: float, name: str, opacity: float) 
         opacity: 1 hides what is behind.
     """
     meshes = []
-    for velocity in dict.fromkeys(shape.velocity for shape in shapes):
-        together = [shape for shape in shapes if shape.velocity == velocity]
+    velocities = [tuple(shape.as_dict().get("velocity", ())) for shape in shapes]
+    for velocity in dict.fromkeys(velocities):
+        together = [shape for shape, own in zip(shapes, velocities, strict=True) if own == velocity]
         round_ones = [shape for shape in together if isinstance(shape, Sphere | Capsule | Ellipsoid)]
         others = [shape for shape in together if shape not in round_ones]
         for kind, is_flat in ((round_ones, False), (others, True)):
@@ -66,7 +67,7 @@ def _surface(shapes: Sequence[Shape], keep_out: float) -> tuple[NDArray[np.float
 
 def _moving(mesh: go.Mesh3d, velocity: Sequence[float]) -> go.Mesh3d:
     """A mesh that the player of a page can move: its points as numbers that a script can read."""
-    points = {axis: np.round(mesh[axis], 4).tolist() for axis in "xyz"}
+    points = {axis: np.asarray(mesh[axis], dtype=np.float64).round(4).tolist() for axis in "xyz"}
     return mesh.update(**points, meta={"velocity": list(velocity)})
 
 

@@ -28,7 +28,7 @@ def stopped(run: Run) -> list[str]:
 
 def missing_files(run: Run) -> list[str]:
     """The files that a run of now would have by now, by their paths in the folder of the run."""
-    names = list(EVERY_RUN)
+    names: list[str] = [*EVERY_RUN]
     for arm, seed in run.experiment.jobs():
         if ARMS[arm].is_trained and run.is_trained(arm, seed):
             names += [f"{run.folder_of(arm, seed).name}/{name}" for name in EVERY_TRAINING]
