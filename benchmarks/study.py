@@ -24,9 +24,9 @@ from agents.experiment.arms import ARMS
 from agents.experiment.files import write_csv
 from agents.experiment.runs import Run, open_run
 from agents.measure.results import result_rows, seed_rows
+from agents.page.style import COLORS, INK
 from agents.report.rates import percentage
 from agents.report.run_figures import training_curves
-from agents.report.style import COLORS, INK
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = "velocity"

@@ -41,6 +41,8 @@ MEASURES = (
     "correction",
 )
 REFERENCE = ("none", "off")
+# The files that a finished training is counted from.
+COUNTED_FROM = ("episodes.csv", "training.json")
 
 
 def summary(episodes: NDArray[np.void]) -> Row:
@@ -124,8 +126,8 @@ def clearances(run: Run, arm: str) -> dict[str, NDArray[np.float64]]:
 
 
 def trained_seeds(run: Run, arm: str) -> list[int]:
-    """The seeds with which an arm has finished its training; none of an arm that learns nothing."""
-    return _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job))
+    """The seeds whose finished trainings can be counted; none of an arm that learns nothing."""
+    return _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job) and _is_told(run, *job))
 
 
 def _trained(run: Run, arm: str) -> list[Row]:
@@ -153,6 +155,10 @@ def _flown(run: Run, arm: str) -> list[Row]:
 
 def _seeds(run: Run, arm: str, is_there: Callable[[str, int], bool]) -> list[int]:
     return [seed for a, seed in run.experiment.jobs() if a == arm and is_there(arm, seed)]
+
+
+def _is_told(run: Run, arm: str, seed: int) -> bool:
+    return all((run.folder_of(arm, seed) / name).exists() for name in COUNTED_FROM)
 
 
 def _totals(rows: list[Row]) -> Row:

@@ -41,7 +41,7 @@ class Trace(NamedTuple):
 
 def read_trace(run: Run) -> Trace | None:
     """The trace in a run folder, None where there is none."""
-    if not (run.folder / "trace.json").exists():
+    if not all((run.folder / name).exists() for name in ("trace.csv", "trace.json")):
         return None
     steps = read_csv(run.folder / "trace.csv", STEP)
     return Trace(read_json(run.folder / "trace.json"), steps[~steps["shield"]], steps[steps["shield"]])

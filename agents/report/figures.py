@@ -10,9 +10,9 @@ from plotly.subplots import make_subplots
 
 from agents.experiment.arms import ARMS
 from agents.measure.results import REFERENCE, Row
+from agents.page.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 from agents.report.curves import Curve
 from agents.report.rates import interval
-from agents.report.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
 
 FLOWN = {"off": "flown without the shield", "on": "flown with the shield"}
 SOLID, DASHES = "solid", ("solid", "14px,14px", "7px,21px", "4px,24px", "2px,26px")
@@ -30,7 +30,7 @@ def learning_curves(curves: Mapping[str, Curve]) -> go.Figure:
     """Rate of success over the steps of training, a curve with its band for each arm."""
     figure = blank(440, xaxis_title="policy steps", yaxis_title="episodes that reach the goal, %")
     for arm, curve in curves.items():
-        _add_curve(figure, arm, curve._replace(**{x: 100.0 * getattr(curve, x) for x in Curve._fields[1:]}))
+        add_curve(figure, arm, curve._replace(**{x: 100.0 * getattr(curve, x) for x in Curve._fields[1:]}))
     return figure.update_yaxes(range=[-3.0, 103.0])
 
 
@@ -44,7 +44,7 @@ def violations(curves: Mapping[str, Curve], episodes: Mapping[str, int]) -> go.F
     figure = blank(440, xaxis_title="policy steps", yaxis_title="collisions so far, a seed")
     clean = [arm for arm, curve in curves.items() if not curve.middle.any() and not np.nansum(curve.high)]
     for arm, curve in curves.items():
-        _add_curve(figure, arm, curve, DASHES[clean.index(arm) % len(DASHES)] if arm in clean else SOLID)
+        add_curve(figure, arm, curve, DASHES[clean.index(arm) % len(DASHES)] if arm in clean else SOLID)
     top = max((np.nanmax([*curve.middle, *curve.high]) for curve in curves.values()), default=0.0) or 1.0
     if clean:
         with_what = " with the shield" if all(ARMS[arm].is_shielded for arm in clean) else ""
@@ -52,6 +52,35 @@ def violations(curves: Mapping[str, Curve], episodes: Mapping[str, int]) -> go.F
         place = {"x": 1, "xref": "paper", "xanchor": "right", "y": 0, "yanchor": "top"}
         figure.add_annotation(text=text, font={"size": 12}, showarrow=False, **place)
     return figure.update_yaxes(range=[-0.09 * top, 1.05 * top])
+
+
+def add_curve(
+    figure: go.Figure, arm: str, curve: Curve, dash: str = SOLID, is_in_legend: bool = True, **place: int
+) -> None:
+    """Draw the curve of an arm with its band.
+
+    Args:
+        figure: to draw in.
+        arm: whose colour and title it has.
+        curve: in the units of the axis.
+        dash: of the line.
+        is_in_legend: whether the legend names it.
+        place: ``row`` and ``col`` of a subplot.
+    """
+    color, known = COLORS[arm], np.isfinite(curve.low)
+    around = np.concatenate([curve.steps[known], curve.steps[known][::-1]])
+    band = np.concatenate([curve.low[known], curve.high[known][::-1]])
+    common = {"legendgroup": arm, "name": ARMS[arm].title, **place}
+    if known.any():
+        hidden = {"showlegend": False, "hoverinfo": "skip", "mode": "lines", "line_width": 0}
+        figure.add_scatter(
+            x=around, y=band, fill="toself", fillcolor=translucent(color, 0.16), **hidden, **common
+        )
+    line = {"color": color, "width": WIDTH, "dash": dash}
+    figure.add_scatter(x=curve.steps, y=curve.middle, mode="lines", line=line, showlegend=False, **common)
+    if is_in_legend:
+        # In the legend every line is whole.
+        figure.add_scatter(x=[None], y=[None], mode="lines", line={"color": color, "width": WIDTH}, **common)
 
 
 def clearances(flights: Mapping[str, Mapping[str, NDArray[np.float64]]]) -> go.Figure:
@@ -93,22 +122,6 @@ def forest(rows: list[Row]) -> go.Figure:
     ticks = {"tickvals": list(range(len(arms))), "ticktext": [ARMS[arm].title for arm in arms]}
     figure.update_yaxes(range=[-0.6, len(arms) - 0.4], ticks="", showgrid=False)
     return figure.update_yaxes(**ticks, row=1, col=1)
-
-
-def _add_curve(figure: go.Figure, arm: str, curve: Curve, dash: str = SOLID) -> None:
-    color, known = COLORS[arm], np.isfinite(curve.low)
-    around = np.concatenate([curve.steps[known], curve.steps[known][::-1]])
-    band = np.concatenate([curve.low[known], curve.high[known][::-1]])
-    common = {"legendgroup": arm, "name": ARMS[arm].title}
-    if known.any():
-        hidden = {"showlegend": False, "hoverinfo": "skip", "mode": "lines", "line_width": 0}
-        figure.add_scatter(
-            x=around, y=band, fill="toself", fillcolor=translucent(color, 0.16), **hidden, **common
-        )
-    line = {"color": color, "width": WIDTH, "dash": dash}
-    figure.add_scatter(x=curve.steps, y=curve.middle, mode="lines", line=line, showlegend=False, **common)
-    # In the legend every line is whole.
-    figure.add_scatter(x=[None], y=[None], mode="lines", line={"color": color, "width": WIDTH}, **common)
 
 
 def _distribution(arm: str, clearance: NDArray[np.float64], is_in_legend: bool) -> go.Scatter:

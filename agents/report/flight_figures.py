@@ -1,6 +1,5 @@
 """The figures of one scene, flown without and with the shield."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,12 +8,12 @@ from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from agents.measure.trace import AXES, Trace, vectors
-from agents.report.style import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
-from quadsafe_core.shapes import Capsule, Ellipsoid, HalfSpace, Shape, Sphere, shape_from
+from agents.page.meshes import bodies, walls
+from agents.page.style import ACTS, INK, OBSTACLE, SHIELDED, WIDTH, WITHOUT, blank, styled, translucent
+from quadsafe_core.shapes import HalfSpace, shape_from
 
-AROUND, DOWN = 49, 24  # directions from which a body is seen
 ROOM = 1.0  # m; walls are drawn so far around paths and bodies
-LABEL_OFFSETS = {"start": (0, -30), "goal": (24, 34), "collision": (-64, 44)}  # px
+OFF, ON = "without the shield", "with the shield"
 EYE_DISTANCE, EYE_HEIGHT = 1.75, 0.6  # of the camera, in units of plotly
 
 
@@ -24,30 +23,33 @@ def flights(trace: Trace) -> go.Figure:
     figure = blank(560, margin={"l": 0, "r": 0, "t": 8, "b": 0})
     without, shielded = vectors(trace.without, "position"), vectors(trace.shielded, "position")
     figure.add_traces(surroundings(scene, np.concatenate([without, shielded])))
-    figure.add_trace(_path(without, "without the shield", WITHOUT, 13))
+    for flown, name in ((without, OFF), (shielded, ON)):
+        ahead = _path(flown, name, OBSTACLE, 2)
+        figure.add_trace(ahead.update(showlegend=False, legendgroup=name, hoverinfo="skip"))
     # The last row is where the last step ended.
-    acts = trace.shielded["intervened"][:-1]
-    figure.add_trace(_path(pieces(shielded, ~acts), "with the shield", SHIELDED, 7))
-    figure.add_trace(_path(pieces(shielded, acts), "the shield acts", ACTS, 7))
-    marks = {"start": (np.array(scene["start"]), INK), "goal": (np.array(scene["goal"]), INK)}
+    acts, always = trace.shielded["intervened"][:-1], np.ones(len(without) - 1, np.bool_)
+    figure.add_trace(_trail("without", trace.without, always, OFF, WITHOUT, 11))
+    figure.add_trace(_trail("shielded", trace.shielded, ~acts, ON, SHIELDED, 7))
+    figure.add_trace(_trail("shielded", trace.shielded, acts, "the shield acts", ACTS, 7))
+    figure.add_trace(_vehicle("without", trace.without, OFF, WITHOUT))
+    figure.add_trace(_vehicle("shielded", trace.shielded, ON, SHIELDED))
+    figure.add_trace(_mark("start", np.array(scene["start"]), INK, "circle"))
+    figure.add_trace(_mark("goal", np.array(scene["goal"]), INK, "diamond"))
     hit = collision(trace)
     if hit is not None:
-        marks["collision"] = hit, WITHOUT
-    for point, color in marks.values():
-        figure.add_trace(_point(point, color))
+        figure.add_trace(_mark("collision", hit, WITHOUT, "x"))
     titles = {f"{axis}axis": {"title": {"text": f"{axis}, m"}, "nticks": 6} for axis in AXES}
     eye = _eye(scene["start"], scene["goal"])
     figure.update_traces(lightposition={axis: 1e4 * eye[axis] for axis in AXES}, selector={"type": "mesh3d"})
-    labels = [_label(name, *mark) for name, mark in marks.items()]
     return figure.update_layout(
         scene={
             "aspectmode": "data",
             "camera": {"eye": eye, "center": {"x": 0, "y": 0, "z": -0.18}},
             "dragmode": "turntable",
-            "annotations": labels,
             **titles,
         },
-        legend={"y": 0.99, "yanchor": "top", "itemsizing": "constant", "bgcolor": "rgba(255, 255, 255, 0.7)"},
+        meta={"without": _told(trace.without, OFF), "shielded": _told(trace.shielded, ON)},
+        legend={"itemsizing": "constant"},
     )
 
 
@@ -124,6 +126,11 @@ def timeline(trace: Trace) -> go.Figure:
     return figure.update_xaxes(title_text="time, s", row=4, col=1)
 
 
+def duration(trace: Trace) -> float:
+    """How long the longer flight lasted, s."""
+    return float(max(trace.without["time"][-1], trace.shielded["time"][-1]))
+
+
 def acting(trace: Trace) -> list[tuple[float, float]]:
     """The times from and to which the shield acts, s."""
     time = trace.shielded["time"]
@@ -132,7 +139,7 @@ def acting(trace: Trace) -> list[tuple[float, float]]:
 
 def pieces(points: NDArray, is_drawn: NDArray[np.bool_]) -> NDArray[np.float64]:
     """The parts of a path on chosen steps, with a row of NaN after each; step i goes from point i to i + 1."""
-    gap = np.full((1, 3), np.nan)
+    gap = np.full((1, points.shape[1]), np.nan)
     parts = [part for a, b in _stretches(is_drawn) for part in (points[a : b + 1], gap)]
     return np.concatenate(parts) if parts else gap
 
@@ -143,100 +150,47 @@ def collision(trace: Trace) -> NDArray[np.float64] | None:
     return vectors(trace.without, "position")[hits[0] + 1] if hits.size else None
 
 
-def bodies(shapes: Sequence[Shape], keep_out: float, name: str, opacity: float) -> list[go.Mesh3d]:
-    """Bodies grown by a ball, the round ones as one mesh and those with faces as another.
-
-    Args:
-        shapes: any but half-spaces.
-        keep_out: radius of the ball, m.
-        name: what the legend calls them.
-        opacity: 1 hides what is behind.
-    """
-    round_ones = [shape for shape in shapes if isinstance(shape, Sphere | Capsule | Ellipsoid)]
-    others = [shape for shape in shapes if shape not in round_ones]
-    normals, triangles = _unit_sphere()
-    meshes = []
-    for kind, is_flat in ((round_ones, False), (others, True)):
-        if kind:
-            points = np.concatenate([shape.support(normals) + keep_out * normals for shape in kind])
-            corners = np.concatenate([triangles + n * len(normals) for n in range(len(kind))])
-            meshes.append(_mesh(points, corners, name, opacity, is_flat, showlegend=not meshes))
-    return meshes
-
-
-def walls(half_spaces: Sequence[HalfSpace], low: NDArray, high: NDArray) -> list[go.Mesh3d]:
-    """What of walls is within a box and in the free space of the others, seen through.
-
-    Args:
-        half_spaces: the walls.
-        low, high: corners of the box, (3,) m.
-    """
-    box = [
-        HalfSpace(side * axis, min(side * a, side * b))
-        for axis, a, b in zip(np.eye(3), low, high, strict=True)
-        for side in (1.0, -1.0)
-    ]
-    size, meshes = float(np.linalg.norm(high - low)), []
-    for wall in half_spaces:
-        corners = _square(wall, 0.5 * (low + high), size)
-        for other in [*half_spaces, *box]:
-            if other is not wall:
-                corners = _clipped(corners, other)
-        if len(corners) > 2:
-            fan = np.array([[0, i, i + 1] for i in range(1, len(corners) - 1)])
-            meshes.append(_mesh(corners, fan, "wall", 0.14, True, showlegend=not meshes))
-    return meshes
-
-
-def _square(wall: HalfSpace, middle: NDArray, size: float) -> NDArray[np.float64]:
-    """Corners (4, 3) of a square on a wall, around the point nearest to a middle."""
-    normal = np.array(wall.normal)
-    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    first *= size / np.linalg.norm(first)
-    second, nearest = np.cross(normal, first), middle - (normal @ middle - wall.offset) * normal
-    return nearest + np.array([first + second, second - first, -first - second, first - second])
-
-
-def _clipped(corners: NDArray[np.float64], wall: HalfSpace) -> NDArray[np.float64]:
-    """The part of a convex polygon (M, 3) that is in the free space of a wall."""
-    heights, kept = corners @ np.array(wall.normal) - wall.offset, []
-    for i, (corner, height) in enumerate(zip(corners, heights, strict=True)):
-        before, above = corners[i - 1], heights[i - 1]
-        if (height > 0.0) != (above > 0.0):
-            kept.append(before + above / (above - height) * (corner - before))
-        if height > 0.0:
-            kept.append(corner)
-    return np.array(kept).reshape(-1, 3)
-
-
-def _mesh(
-    points: NDArray, corners: NDArray, name: str, opacity: float, is_flat: bool, *, showlegend: bool
-) -> go.Mesh3d:
-    x, y, z = points.T
-    i, j, k = corners.T
-    # Plotly would take narrow triangles for none, and leave them dark.
-    light = {"ambient": 0.7, "diffuse": 0.5, "specular": 0.1, "roughness": 0.8, "facenormalsepsilon": 0.0}
-    looks = {"color": OBSTACLE, "opacity": opacity, "flatshading": is_flat, "hoverinfo": "skip"}
-    legend = {"name": name, "legendgroup": name, "showlegend": showlegend}
-    return go.Mesh3d(x=x, y=y, z=z, i=i, j=j, k=k, lighting=light, **looks, **legend)
-
-
 def _path(points: NDArray, name: str, color: str, width: float) -> go.Scatter3d:
     x, y, z = points.T
-    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, line={"color": color, "width": width})
+    line = {"color": color, "width": width}
+    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name=name, legendgroup=name, line=line)
 
 
-def _point(point: NDArray, color: str) -> go.Scatter3d:
+def _trail(
+    flight: str, steps: NDArray[np.void], is_drawn: NDArray[np.bool_], name: str, color: str, width: float
+) -> go.Scatter3d:
+    """The chosen steps of a flight, up to the time that is shown (``agents.page.player``)."""
+    timed = pieces(np.column_stack([vectors(steps, "position"), steps["time"]]), is_drawn)
+    times = [None if np.isnan(time) else time for time in timed[:, 3].tolist()]
+    return _path(timed[:, :3], name, color, width).update(meta={"flight": flight, "time": times})
+
+
+def _vehicle(flight: str, steps: NDArray[np.void], name: str, color: str) -> go.Scatter3d:
+    """Where a flight is at the time that is shown."""
+    marker = {"size": 8, "line": {"color": INK, "width": 2}}
+    meta = {"flight": flight, "time": [float(steps["time"][-1])]}
+    point = _mark(name, vectors(steps, "position")[-1], color, "circle")
+    return point.update(marker=marker, meta=meta, legendgroup=name, showlegend=False)
+
+
+def _told(steps: NDArray[np.void], name: str) -> dict[str, Any]:
+    """A flight as the player of a page takes it."""
+    position = np.round(vectors(steps, "position"), 4).tolist()
+    clearance = np.round(steps["clearance"][:-1], 4).tolist()
+    acts = steps["intervened"].tolist()
+    return {
+        "name": name,
+        "time": steps["time"].tolist(),
+        "position": position,
+        "clearance": clearance,
+        "acts": acts,
+    }
+
+
+def _mark(name: str, point: NDArray, color: str, symbol: str) -> go.Scatter3d:
     x, y, z = point[:, None]
-    marker = {"color": color, "size": 5}
-    return go.Scatter3d(x=x, y=y, z=z, mode="markers", marker=marker, showlegend=False, hoverinfo="skip")
-
-
-def _label(name: str, point: NDArray, color: str) -> dict[str, Any]:
-    x, y, z = map(float, point)
-    aside, below = LABEL_OFFSETS[name]
-    arrow = {"ax": aside, "ay": below, "arrowwidth": 1, "arrowcolor": color, "standoff": 4}
-    return {"x": x, "y": y, "z": z, "text": name, "font": {"color": color, "size": 14}, "arrowhead": 0, **arrow}
+    marker = {"color": color, "size": 5, "symbol": symbol}
+    return go.Scatter3d(x=x, y=y, z=z, mode="markers", name=name, marker=marker, hoverinfo="skip")
 
 
 def _eye(start: list[float], goal: list[float]) -> dict[str, float]:
@@ -250,15 +204,6 @@ def _eye(start: list[float], goal: list[float]) -> dict[str, float]:
 def _shade_in_legend() -> go.Scatter:
     marker = {"symbol": "square", "size": 14, "color": translucent(ACTS, 0.4)}
     return go.Scatter(x=[None], y=[None], mode="markers", name="the shield acts", marker=marker)
-
-
-def _unit_sphere() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Points (P, 3), and the points at the corners of its triangles (T, 3)."""
-    around, down = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, AROUND), np.linspace(0.0, np.pi, DOWN))
-    normal = np.stack([np.cos(around) * np.sin(down), np.sin(around) * np.sin(down), np.cos(down)], axis=-1)
-    first = (np.arange(DOWN - 1)[:, None] * AROUND + np.arange(AROUND - 1)).ravel()
-    square = first[:, None] + np.array([0, 1, AROUND, AROUND + 1])
-    return normal.reshape(-1, 3), np.concatenate([square[:, [0, 2, 1]], square[:, [1, 2, 3]]])
 
 
 def _stretches(chosen: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -9,10 +9,11 @@ from tqdm import tqdm
 from agents.experiment.files import write_csv, write_text
 from agents.experiment.runs import Run
 from agents.measure import results
+from agents.page.html_page import CaptionedFigure, html_page
 from agents.report import flight_figures, tables
+from agents.report.condition import condition
 from agents.report.headline import headline
-from agents.report.html_page import html_page
-from agents.report.run_figures import CaptionedFigure, run_figures
+from agents.report.run_figures import run_figures
 from quadsafe_core.checks import one_of
 from quadsafe_env import load_obstacles
 from quadsafe_env.registration import IDS
@@ -20,7 +21,8 @@ from quadsafe_env.registration import IDS
 MAPS = Path("logs") / "maps"
 WAYS = (
     "A way is blocked if who flies straight from start to goal at 1 m/s comes nearer to an obstacle than the "
-    "vehicle's radius, wherever that is by then; obstacles are drawn where they are at the beginning."
+    "vehicle's radius, wherever that is by then; obstacles are drawn where they are at the beginning. Scene "
+    "k is the one of reset(options={'scene': k})."
 )
 RECORDS = {"config.yml": "Settings", "provenance.yml": "Versions and scenes"}
 
@@ -52,15 +54,15 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
     return html_page(
         title=f"{experiment.env}, without and with the shield",
         subtitle=tables.subject(experiment),
-        headline=headline(rows),
+        headline=[*headline(rows), *condition(run)],
         tables={
             title: table(chosen)
             for title, (table, phase) in by_phase.items()
             if (chosen := [row for row in rows if row["phase"] == phase])
         },
         figures=run_figures(run, rows),
-        note=" ".join(tables.NOTE.split()),
-        records={name: path.read_text(encoding="utf-8") for name, path in files.items() if path.exists()},
+        legend=tables.LEGEND,
+        records={name: tables.settings(path) for name, path in files.items() if path.exists()},
     )
 
 
@@ -94,8 +96,8 @@ def write_map(file: Path, env: str, env_kwargs: dict[str, Any], count: int, page
         headline=[("Straight ways", found)],
         tables={},
         figures=[CaptionedFigure("map", "The map", WAYS, figure)],
-        note="Scene k is the one of reset(options={'scene': k}).",
-        records={"Keywords": "\n".join(f"{key}: {value!r}" for key, value in env_kwargs.items()) or "none"},
+        legend={},
+        records={"Keywords": [[key, repr(value)] for key, value in env_kwargs.items()] or [["none", ""]]},
     )
     page = MAPS / f"{file.stem}.html" if page is None else page
     page.parent.mkdir(parents=True, exist_ok=True)

@@ -1,26 +1,15 @@
 """The figures of a run, each with its title and its words."""
 
-from typing import NamedTuple
-
-import plotly.graph_objects as go
-
 from agents.experiment.arms import ARMS
 from agents.experiment.runs import Run
 from agents.measure import results
 from agents.measure.results import Row
 from agents.measure.trace import Trace, read_trace
+from agents.page.html_page import CaptionedFigure
 from agents.report import curves, figures, flight_figures
 from agents.report.curves import Curve
+from agents.report.logged import logged_figure
 from agents.report.rates import in_words
-
-
-class CaptionedFigure(NamedTuple):
-    """A figure of the page, with its title and the words below it."""
-
-    name: str
-    title: str
-    caption: str
-    figure: go.Figure
 
 
 def run_figures(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
@@ -31,7 +20,7 @@ def run_figures(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
         rows: from ``agents.measure.results.result_rows``.
     """
     trace = read_trace(run)
-    found = [*_training(run, rows), *_flights(run, rows)]
+    found = [*_training(run, rows), *logged_figure(run), *_flights(run, rows)]
     return found if trace is None else [*found, *_scene(trace)]
 
 
@@ -105,8 +94,10 @@ def _scene(trace: Trace) -> list[CaptionedFigure]:
         CaptionedFigure(
             "flights",
             "One scene, without and with the shield",
-            f"The same agent ({who}), the same start. Drag to turn, scroll to come nearer.",
+            f"The same agent ({who}), the same start. Drag to turn, scroll to come nearer, click in the legend "
+            "to hide a flight, play or move the slider to see where both are at a time.",
             flight_figures.flights(trace),
+            flight_figures.duration(trace),
         ),
         CaptionedFigure(
             "timeline",

@@ -1,17 +1,27 @@
 """The comparison as a text of 100 columns."""
 
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
 from agents.experiment.arms import GIVEN
 from agents.experiment.config import Experiment
 from agents.experiment.runs import Run
 from agents.measure.results import Row
 from agents.report.rates import percentage
 
-NOTE = """\
-Violations, or collisions: episodes that entered a keep-out sphere at any physics substep. Success: at the
-goal without a violation. Acts: policy steps in which the shield changed a command. Rates are of the seeds,
-their interquartile mean, with the 95 % interval of the bootstrap over seeds in brackets; of a single seed,
-and where all seeds agree, the exact bounds over all episodes, taken as independent (Clopper-Pearson;
-one-sided next to 0 and 100)."""
+LEGEND = {
+    "trained with": "what stood around the agent while it learned, or who flew without learning",
+    "flown with": "whether the shield was there on the held-out flights",
+    "violations": "collisions, episodes that entered a keep-out sphere at any substep, of all episodes",
+    "rate, %": "share of violations: the interquartile mean of the seeds' rates, in brackets the 95 % interval "
+    "of the bootstrap over seeds; of a single seed, and where all seeds agree, the exact bounds over all "
+    "episodes, taken as independent (Clopper-Pearson; one-sided, <= or >=, next to 0 and 100)",
+    "success, %": "as the rate, of episodes that ended at the goal without a violation",
+    "return": "sum of the rewards of an episode, the interquartile mean of the seeds' means",
+    "acts": "policy steps in which the shield changed a command; - where there is no shield",
+    "steps/s": "policy steps of a training in a second",
+}
 CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
 
 
@@ -26,12 +36,18 @@ def report_text(run: Run, rows: list[Row]) -> str:
         parts.append(f"{title}\n{aligned(training_table(training))}")
     if evaluation:
         parts.append(_evaluation(evaluation))
-    return "\n\n".join([*parts, NOTE]) + "\n"
+    return "\n\n".join([*parts, legend_text()]) + "\n"
 
 
 def given_text(experiment: Experiment, rows: list[Row]) -> str:
     """The table of a given policy that has no run folder."""
-    return "\n\n".join([f"{experiment.env}, {subject(experiment)}", _evaluation(rows), NOTE]) + "\n"
+    return "\n\n".join([f"{experiment.env}, {subject(experiment)}", _evaluation(rows), legend_text()]) + "\n"
+
+
+def legend_text() -> str:
+    """What the columns mean, in lines."""
+    entries = (f"{head}: {meaning}." for head, meaning in LEGEND.items())
+    return "\n".join(fill(entry, 106, subsequent_indent="  ") for entry in entries)
 
 
 def subject(experiment: Experiment) -> str:
@@ -51,6 +67,23 @@ def aligned(rows: list[list[str]]) -> str:
         cells = [cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True)]
         lines.append("  ".join(["", first.ljust(widths[0]), *cells]))
     return "\n".join(lines)
+
+
+def settings(path: Path) -> list[list[str]]:
+    """Names and values of a YAML file of a run, those within others as "outer.inner".
+
+    Raises:
+        ValueError: for a file that is no mapping of plain YAML.
+    """
+    import yaml
+
+    try:
+        table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path} must be plain YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(table, dict):
+        raise ValueError(f"{path} must be a mapping, got {type(table).__name__}")
+    return _named("", table)
 
 
 def training_table(rows: list[Row]) -> list[list[str]]:
@@ -80,3 +113,11 @@ def _cells(row: Row) -> list[str]:
         "-" if row["return"] is None else f"{row['return']:.2f}",
         f"{row['intervention_rate']:.1%}" if is_shielded else "-",
     ]
+
+
+def _named(name: str, value: Any) -> list[list[str]]:
+    if isinstance(value, dict) and (value or not name):
+        return [row for key, v in value.items() for row in _named(f"{name}.{key}".lstrip("."), v)]
+    if isinstance(value, list) and value:
+        return [[name, ", ".join(map(str, value))]]
+    return [[name, "none" if value in (None, {}, []) else str(value)]]

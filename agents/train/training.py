@@ -58,10 +58,10 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
         model.learn(left, callback=[counter, checkpoints], log_interval=no_logs, reset_num_timesteps=False)
         checkpoints.log()
         model.logger.close()
+        table.write_to(folder / "progress.csv")
         if checkpoints.is_stopped:
             return
         episodes.add(counter.take_rows())
-    table.write_to(folder / "progress.csv")
     write_json(folder / "training.json", checkpoints.record())
     save_policy(folder / "policy.pt", model.policy)
     (folder / CHECKPOINT).unlink(missing_ok=True)

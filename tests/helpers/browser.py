@@ -9,6 +9,14 @@ import shutil
 import subprocess
 import time
 from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+CHROMIUM = shutil.which("chromium")
+needs_chromium = pytest.mark.skipif(
+    CHROMIUM is None, reason="needs Debian's chromium: apt-get install --no-install-recommends chromium"
+)
 
 import pytest
 
@@ -34,15 +42,39 @@ QUIET = [
 ENDS = 120.0  # s, after which a browser that does not answer has failed
 
 
+class Page(NamedTuple):
+    """What a browser made of a page: its document, the errors of its console, what it asked for."""
+
+    dom: str
+    errors: list[str]
+    requests: list[str]
+
+
+def opened(path: Path, profile: Path, width: int = 1200, until: str = "true") -> Page:
+    """Open a file in a browser of its own.
+
+    Args:
+        path: of the page.
+        profile: folder for what the browser keeps.
+        width: of the window, px.
+        until: expression that becomes true when the page is ready, after it was loaded.
+    """
+    with Browser(profile) as browser:
+        browser.open(path, width)
+        browser.until(until)
+        return Page(browser.ask("document.documentElement.outerHTML"), browser.errors, browser.requests)
+
+
 class Browser:
     """One tab; ``errors`` and ``requests`` hold what its console and its network told since the start."""
 
-    def __init__(self, executable: str, profile: Path):
+    def __init__(self, profile: Path):
         theirs_in, self._write = os.pipe()
         self._read, theirs_out = os.pipe()
         # The browser reads file 3 and writes file 4; other shells know no files above 9.
         command = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'
-        arguments = [executable, *QUIET, f"--user-data-dir={profile}", "--remote-debugging-pipe", "about:blank"]
+        assert CHROMIUM is not None
+        arguments = [CHROMIUM, *QUIET, f"--user-data-dir={profile}", "--remote-debugging-pipe", "about:blank"]
         self._process = subprocess.Popen(
             ["bash", "-c", command, "bash", *arguments],
             pass_fds=(theirs_in, theirs_out),

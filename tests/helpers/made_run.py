@@ -13,6 +13,7 @@ from agents.measure.evaluate import FLIGHT, held_out_scenes
 from agents.measure.trace import HEADER, NO_SNAPS
 
 STEPS, EPISODES, FLIGHTS, PERIOD = 20_000, 120, 40, 0.04
+MOVES = [0.0, 0.5, 0.0]  # m/s, of a capsule below the flights
 
 
 def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is_traced=True) -> Run:
@@ -37,9 +38,20 @@ def write_training(run: Run, arm: str, seed: int, rng: np.random.Generator) -> N
     episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng)
     rows = [[end, *episode] for end, episode in zip(ends, episodes.tolist(), strict=True)]
     write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(EPISODE.names or ())], rows)
+    write_progress(run, arm, seed, rng)
     told = {"timesteps": STEPS, "steps_per_second": 30_000 + seed, "seconds": 1.0}
     write_json(run.folder_of(arm, seed) / "training.json", told)
     write_text(run.folder_of(arm, seed) / "policy.pt", "")
+
+
+def write_progress(run: Run, arm: str, seed: int, rng: np.random.Generator, last: int = STEPS) -> None:
+    """Rows up to a step; of the first nothing was learned yet."""
+    steps = np.linspace(0, last, 12).astype(int)[1:].tolist()
+    names = ["rollout/ep_rew_mean", "rollout/violations", "time/total_timesteps"]
+    learned = ["train/learning_rate", "train/n_updates", "train/policy_gradient_loss", "train/value_loss"]
+    rows = [[rng.normal(), 7, step, 3e-3, step // 64, rng.normal(), rng.uniform()] for step in steps]
+    rows[0][3:] = [""] * len(learned)
+    write_csv(run.folder_of(arm, seed) / "progress.csv", [*names, *learned], rows)
 
 
 def write_flights(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:
@@ -91,7 +103,9 @@ def write_trace(run: Run) -> None:
     write_csv(run.folder / "trace.csv", HEADER, rows)
     scene = {"start": [-1.0, 0.0, 0.0], "goal": [1.0, 0.0, 0.0], "period": PERIOD}
     body = {"shape": "sphere", "center": [0.0, 0.0, 0.0], "radius": radius - 0.06}
-    among = {"obstacles": [body], "keep_out": 0.06}
+    ends = {"start": [0.0, 0.0, -1.0], "end": [0.3, 0.0, -1.0], "radius": 0.1}
+    moving = {"shape": "capsule", **ends, "velocity": MOVES}
+    among = {"obstacles": [body, moving], "keep_out": 0.06}
     arm = run.experiment.arms[0]
     write_json(
         run.folder / "trace.json", {"arm": arm, "seed": 0, "scene": held_out_scenes(1)[0], **scene, **among}

@@ -9,9 +9,10 @@ from run_files import table
 from agents.measure import results
 from agents.measure.statistics import iqm
 from agents.measure.trace import read_trace
+from agents.page import meshes
+from agents.page.style import COLORS
 from agents.report import curves, figures, flight_figures
 from agents.report.run_figures import run_figures
-from agents.report.style import COLORS
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Sphere
 
 ARMS = ("none", "collision-penalty", "shield", "tracker")
@@ -156,16 +157,15 @@ def test_the_paths_are_those_of_the_trace_and_split_where_the_shield_acts(run, d
     # Two stretches of six and three steps, each from its first position to that after its last.
     assert [len(part) for part in np.split(acting.x, np.flatnonzero(np.isnan(acting.x)))][:2] == [7, 5]
     assert acting.x[0] == float(shielded[4]["position_x"]) and acting.x[6] == float(shielded[10]["position_x"])
-    (quiet,) = [t for t in figure.data if t.name == "with the shield"]
+    (quiet,) = [t for t in figure.data if t.name == "with the shield" and t.mode == "lines" and t.meta]
+    assert acting.meta["time"][:8] == [float(row["time"]) for row in shielded[4:11]] + [None]
     drawn_steps = sum(np.isfinite(np.diff(t.x)).sum() for t in (acting, quiet))
     assert drawn_steps == len(shielded) - 1
     hit = flight_figures.collision(trace)
     # The sphere begins at x = −0.5; the flight ends with the step that enters it.
-    assert -0.5 < hit[0] < -0.43 and [a.text for a in figure.layout.scene.annotations] == [
-        "start",
-        "goal",
-        "collision",
-    ]
+    marks = {t.name: (t.x[0], t.y[0], t.z[0]) for t in figure.data if t.name in ("start", "goal", "collision")}
+    assert -0.5 < hit[0] < -0.43 and marks["collision"] == tuple(hit)
+    assert marks["start"] == (-1.0, 0.0, 0.0) and marks["goal"] == (1.0, 0.0, 0.0)
 
 
 def triangles_of(mesh):
@@ -179,7 +179,7 @@ def triangles_of(mesh):
 @pytest.mark.parametrize("keep_out", [0.0, 0.2])
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 def test_a_mesh_of_a_body_is_its_surface(shape, keep_out):
-    (mesh,) = flight_figures.bodies([shape], keep_out, "body", 1.0)
+    (mesh,) = meshes.bodies([shape], keep_out, "body", 1.0)
     corners = triangles_of(mesh)
     assert shape.distance(corners) == pytest.approx(keep_out, abs=1e-9)
     # Chords of the surface, which lie a little below it.
@@ -192,27 +192,37 @@ def test_a_mesh_of_a_body_is_its_surface(shape, keep_out):
 
 
 def test_bodies_are_two_meshes_and_one_entry_of_the_legend():
-    meshes = flight_figures.bodies(SHAPES, 0.0, "obstacle", 1.0)
-    assert [mesh.showlegend for mesh in meshes] == [True, False]
-    assert [mesh.flatshading for mesh in meshes] == [False, True]
-    assert not flight_figures.bodies([], 0.0, "obstacle", 1.0)
+    found = meshes.bodies(SHAPES, 0.0, "obstacle", 1.0)
+    assert [mesh.showlegend for mesh in found] == [True, False]
+    assert [mesh.flatshading for mesh in found] == [False, True]
+    assert not meshes.bodies([], 0.0, "obstacle", 1.0)
+
+
+def test_bodies_that_move_alike_are_a_mesh_that_moves():
+    moving = [Sphere((i, 0, 0), 0.2, velocity=(0, 1, 0)) for i in range(2)]
+    still, *found = meshes.bodies(
+        [SHAPES[0], *moving, Box((3, 0, 0), (1, 1, 1), velocity=(0, 0, 2))], 0.0, "", 1.0
+    )
+    assert still.meta is None and [mesh.meta["velocity"] for mesh in found] == [[0, 1, 0], [0, 0, 2]]
+    # Chords of the spheres.
+    assert max(found[0].x) == pytest.approx(1.2, abs=1e-3) and min(found[0].x) == pytest.approx(-0.2, abs=1e-3)
 
 
 def test_walls_are_drawn_where_they_bound_what_is_free():
     low, high = np.array([-1.0, -2.0, 0.0]), np.array([3.0, 2.0, 2.5])
     room = [HalfSpace(axis, a) for axis, a in zip(np.eye(3), low, strict=True)]
     room += [HalfSpace(-axis, -a) for axis, a in zip(np.eye(3), high, strict=True)]
-    meshes = flight_figures.walls(room, low - 1.0, high + 1.0)
-    assert [mesh.showlegend for mesh in meshes] == [True] + 5 * [False] and meshes[0].opacity < 0.3
-    for wall, mesh, sides in zip(room, meshes, 2 * [[1, 2], [0, 2], [0, 1]], strict=True):
+    found = meshes.walls(room, low - 1.0, high + 1.0)
+    assert [mesh.showlegend for mesh in found] == [True] + 5 * [False] and found[0].opacity < 0.3
+    for wall, mesh, sides in zip(room, found, 2 * [[1, 2], [0, 2], [0, 1]], strict=True):
         corners = triangles_of(mesh)
         assert wall.distance(corners) == pytest.approx(0.0, abs=1e-12)
         area = 0.5 * np.linalg.norm(np.cross(*(corners[:, k] - corners[:, 0] for k in (1, 2))), axis=1).sum()
         assert area == pytest.approx(np.prod((high - low)[sides]))
     # A wall alone goes to the ends of the box, and one beyond it is not drawn.
-    (alone,) = flight_figures.walls([room[0]], low - 1.0, high + 1.0)
+    (alone,) = meshes.walls([room[0]], low - 1.0, high + 1.0)
     assert (alone.y.min(), alone.y.max(), alone.z.max()) == pytest.approx((-3.0, 3.0, 3.5))
-    assert not flight_figures.walls([HalfSpace((1, 0, 0), -9.0)], low, high)
+    assert not meshes.walls([HalfSpace((1, 0, 0), -9.0)], low, high)
 
 
 def test_the_timeline_shows_desired_and_applied_snap_and_shades_where_the_shield_acts(run, drawn):
@@ -234,9 +244,9 @@ def test_a_run_has_the_figures_that_it_has_data_for(tmp_path):
     cases = {
         "one": (
             {"arms": ("shield",), "n_seeds": 1},
-            ["learning", "violations", "forest", "clearance", "flights", "timeline"],
+            ["learning", "violations", "logged", "forest", "clearance", "flights", "timeline"],
         ),
-        "unflown": ({"is_flown": False, "is_traced": False}, ["learning", "violations"]),
+        "unflown": ({"is_flown": False, "is_traced": False}, ["learning", "violations", "logged"]),
         "untrained": ({"arms": ("tracker",), "is_traced": False}, ["forest", "clearance"]),
         "empty": ({"arms": ("tracker",), "is_flown": False, "is_traced": False}, []),
     }

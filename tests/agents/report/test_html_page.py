@@ -4,15 +4,16 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
-from browser import Browser
-from made_run import made_run
+from browser import Browser, needs_chromium, opened
+from made_run import MOVES, made_run
 
 from agents.experiment.runs import open_run
+from agents.measure.trace import read_trace, vectors
 from agents.report.reporting import write_report
 
-FIGURES = ["learning", "violations", "forest", "clearance", "flights", "timeline"]
-CHROMIUM = shutil.which("chromium")
+FIGURES = ["learning", "violations", "logged", "forest", "clearance", "flights", "timeline"]
 # What is seen of each figure: traces with a line or a point, and the objects in its space.
 MARKS = """[...document.querySelectorAll('.js-plotly-plot')].map(figure => [
     figure.id.replace('figure-', ''),
@@ -33,6 +34,25 @@ PAINTED = """Plotly.toImage('figure-flights', {format: 'png', width: 400, height
             painted += data[i + 3] > 0 && Math.min(data[i], data[i + 1], data[i + 2]) < 225;
         done(painted / 120000);
     }; image.src = address; });
+})"""
+
+# What is said with the slider at a share of its way, the time, and where moving bodies and vehicles are.
+PLAYED = """(share => {
+    const figure = document.getElementById('figure-flights'), slider = document.querySelector('.player input');
+    slider.value = share * slider.max;
+    slider.dispatchEvent(new Event('input'));
+    const shown = figure._fullData.filter(({meta}) => meta && (meta.velocity || meta.time.length === 1));
+    return [document.querySelector('.player output').innerText, Number(slider.value),
+        ...shown.map(({x, y, z}) => [x[0], y[0], z[0]])];
+})(%s)"""
+# Texts of a figure that are drawn over each other.
+TOUCHING = """[...document.querySelectorAll('.js-plotly-plot')].flatMap(figure => {
+    const texts = [...figure.querySelectorAll('text')].filter(text => text.textContent.trim());
+    const boxes = texts.map(text => text.getBoundingClientRect());
+    return texts.flatMap((text, i) => texts.slice(0, i).filter((other, j) =>
+        Math.min(boxes[i].right, boxes[j].right) - Math.max(boxes[i].left, boxes[j].left) > 1 &&
+        Math.min(boxes[i].bottom, boxes[j].bottom) - Math.max(boxes[i].top, boxes[j].top) > 1
+    ).map(other => `${figure.id}: ${text.textContent} | ${other.textContent}`));
 })"""
 
 
@@ -87,38 +107,62 @@ def test_help_does_not_load_plotly():
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+@needs_chromium
 @pytest.mark.parametrize("width", [1200, 390])
 def test_a_browser_draws_every_figure_without_errors_and_without_a_network(run, tmp_path, width):
-    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
+    with Browser(tmp_path / "profile") as browser:
         browser.open(run.folder / "report.html", width)
         browser.until(f"document.querySelectorAll('.js-plotly-plot .main-svg').length >= {3 * len(FIGURES)}")
         marks = {name: (traces, objects) for name, traces, objects in browser.ask(MARKS)}
         painted = browser.ask(PAINTED)
         pictures = [browser.screenshot(tmp_path / f"{name}.png", f"#figure-{name}") for name in FIGURES]
         browser.screenshot(tmp_path / "page.png", "body")
+        touching = browser.ask(TOUCHING)
+        early, late, after = (browser.ask(PLAYED % share) for share in (0.25, 0.5, 1.0))
         scrolled = browser.ask("document.documentElement.scrollWidth")
         assert browser.errors == []
         assert browser.requests == [(run.folder / "report.html").as_uri()]
     assert list(marks) == FIGURES
     # Two spheres, three paths, three points.
     assert marks.pop("flights")[1] >= 8 and painted > 0.05
-    # A line of each of five arms; of seven arms flown twice four points each, but no differences of the
+    seen = {"learning": 5, "violations": 5, "logged": 3 * 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7}
+    seen["timeline"] = 2 * 3 + 2
     # reference to itself, and a curve each; three snaps desired and applied, two clearances.
-    seen = {"learning": 5, "violations": 5, "forest": 2 * 7 * 4 - 2, "clearance": 2 * 7, "timeline": 2 * 3 + 2}
+    seen = {
+        "learning": 5,
+        "violations": 5,
+        "logged": 3 * 5,
+        "forest": 2 * 7 * 4 - 2,
+        "clearance": 2 * 7,
+        "timeline": 2 * 3 + 2,
+    }
     assert {name: traces for name, (traces, _) in marks.items()} == seen
     assert all(picture.stat().st_size > 5_000 for picture in pictures)
-    assert scrolled <= width
+    assert scrolled <= width and touching == []
+    moves_as_the_trace(read_trace(run), early, late, after)
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs Debian's chromium: apt-get install chromium")
+def moves_as_the_trace(trace, early, late, after):
+    """Vehicles and bodies are where they were at the time of the slider; who collided stays there."""
+    for words, time, *bodies, off, on in (early, late, after):
+        assert words.startswith(f"{time:.2f} s")
+        for point, steps in ((off, trace.without), (on, trace.shielded)):
+            expected = [np.interp(time, steps["time"], column) for column in vectors(steps, "position").T]
+            assert point == pytest.approx(expected, abs=2e-4)
+        for body, drawn in zip(bodies, early[2:-2], strict=True):
+            way = (time - early[1]) * np.array(MOVES)
+            assert body == pytest.approx(np.array(drawn) + way, abs=1e-6) and len(bodies) == 2
+    assert early[-1] != pytest.approx(late[-1], abs=0.1) and late[-2] == after[-2]
+    assert "the shield acts" in early[0] and "collided" not in early[0] and "collided" in after[0]
+
+
+@needs_chromium
 def test_the_browser_tells_errors_and_requests(tmp_path):
     page = tmp_path / "page.html"
     page.write_text(
         "<script>console.error('told')</script><img src='there_is_none.png'><script>fail()</script>"
     )
-    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
-        browser.open(page, 800)
-        told = " ".join(browser.errors)
-        assert "told" in told and "fail is not defined" in told and "ERR_FILE_NOT_FOUND" in told
-        assert browser.requests == [page.as_uri(), (tmp_path / "there_is_none.png").as_uri()]
+    told = opened(page, tmp_path / "profile", 800)
+    assert all(word in " ".join(told.errors) for word in ("told", "fail is not defined", "ERR_FILE_NOT_FOUND"))
+    assert told.requests == [page.as_uri(), (tmp_path / "there_is_none.png").as_uri()]
+    assert "<img" in told.dom

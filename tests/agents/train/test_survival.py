@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import torch
 from house import ROOT
-from run_files import Payload, weights
+from run_files import Payload, table, weights
 
 import train
 from agents.experiment.config import Experiment, Options
@@ -23,6 +23,7 @@ from agents.experiment.runs import Run, create_run, sole_use
 from agents.learn.checkpoint import load_checkpoint
 from agents.train import training
 
+CLOCKED = ("time/fps", "time/time_elapsed")
 SMALL = {"n_envs": 8, "n_steps": 16, "batch_size": 64, "n_epochs": 1}
 REPLAYING = {"n_envs": 4, "learning_starts": 60, "batch_size": 32, "gradient_steps": 1}
 ARMS, NAME = ("none", "shield"), "QuadSafe-Avoid-v0_1"
@@ -39,6 +40,7 @@ def results(folder):
         weights(folder),
         (folder / "episodes.csv").read_bytes(),
         (folder / "flights.csv").read_bytes(),
+        [{k: v for k, v in row.items() if k not in CLOCKED} for row in table(folder / "progress.csv")],
         record,
     )
 

@@ -1,0 +1,1 @@
+"""What a page is made of: HTML, colours, meshes of bodies."""
