@@ -1,9 +1,11 @@
 """The documentation: what it names exists, its links lead somewhere, its examples run."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
+import tempfile
 from functools import cache
 
 import pytest
@@ -108,13 +110,15 @@ def test_every_page_of_the_theory_is_in_the_navigation():
 
 
 def blocks_of(page):
-    """The Python examples of a page."""
+    """The Python examples of a page; what needs a training before it is marked py, and not run here."""
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.S | re.M)
 
 
 def run_alone(block):
-    """Run an example as a user does who copies nothing else: in a process of its own."""
-    return subprocess.run([sys.executable, "-c", block], check=False, cwd=ROOT, capture_output=True, text=True)
+    """Run an example as a user does who copies nothing else: in a process and an empty folder of its own."""
+    command, env = [sys.executable, "-c", block], {**os.environ, "PYTHONPATH": str(ROOT)}
+    with tempfile.TemporaryDirectory() as folder:
+        return subprocess.run(command, check=False, cwd=folder, env=env, capture_output=True, text=True)
 
 
 README_BLOCKS = blocks_of(ROOT / "README.md")
