@@ -16,7 +16,7 @@ from quadsafe_env.pictures.camera import BESIDE, NEAREST, Camera, View, view_of
 from quadsafe_env.pictures.painting import Marks, mark_path, no_marks, paint_marks, paint_shell, paint_stamp
 from quadsafe_env.pictures.scenery import Scenery, scenery_of
 from quadsafe_env.pictures.sprites import BOTTOM, GOAL, WALL, Color, Patch, blend, circle, font, pygame
-from quadsafe_env.pictures.trail import NO_PAST, Past
+from quadsafe_env.pictures.trail import NO_LINE, NO_PAST, Past
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, POSITION, THRUST, VELOCITY
 
@@ -38,6 +38,7 @@ def frame(
     past: Past = NO_PAST,
     camera: Camera = BESIDE,
     size: int = 480,
+    reference: NDArray[np.float64] = NO_LINE,
 ) -> NDArray[np.uint8]:
     """A picture of one vehicle in its scene.
 
@@ -50,17 +51,19 @@ def frame(
         past: the path to here, and what the filter does.
         camera: where it is seen from.
         size: pixels of its side.
+        reference: points of what is to be followed, (M, 3), m; its farthest point keeps the camera still then.
 
     Returns:
         RGB, (size, size, 3).
     """
-    view = view_of(state[POSITION:VELOCITY], goal, start, camera, size)
+    view = view_of(state[POSITION:VELOCITY], far_end(goal, start, reference), start, camera, size)
     scenery = scenery_of(view, obstacles, start, goal)
     canvas, depth = scenery.canvas.copy(), scenery.depth.copy()
     position, gaps = state[POSITION:VELOCITY], gaps_of(state, scenery)
     tops, tints = np.array([start, goal, position]), tints_of(gaps, past)
     draw_walls(scenery.far_walls, canvas, depth, tints)
     draw_feet(view, canvas, depth, tops, scenery.ground)
+    draw_reference(view, canvas, depth, reference)
     draw_lines(view, canvas, depth, tops, scenery.ground, past)
     draw_vehicle(view, canvas, depth, state, params)
     draw_glass(scenery, canvas, depth, tints)
@@ -69,6 +72,13 @@ def frame(
     draw_readings(surface, state, goal, gaps, params)
     draw_notice(surface, past)
     return canvas
+
+
+def far_end(goal, start, reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The other end of what is looked at: the goal, or the point of a reference farthest from its start."""
+    if not len(reference):
+        return goal
+    return reference[np.linalg.norm(reference - start, axis=1).argmax()]
 
 
 def gaps_of(state, scenery: Scenery) -> NDArray[np.float64]:
@@ -106,6 +116,14 @@ def draw_lines(view: View, canvas, depth, tops: NDArray[np.float64], ground: flo
     mark_line(marks, view, past.trail, 3 + past.was_corrected.astype(np.uint8), 1.8 * thin)
     posts = [blend(color, BOTTOM, 0.6) for color in (START, GOAL, ARM)]
     paint_marks(canvas, depth, marks, np.array([*posts, TRAIL, ACTS], dtype=np.float64), TRACE)
+
+
+def draw_reference(view: View, canvas, depth, points: NDArray[np.float64]) -> None:
+    """What is to be followed, a thin line."""
+    if len(points):
+        marks = no_marks(view.size)
+        mark_line(marks, view, points, np.zeros(len(points), dtype=np.uint8), 1.2 * view.size / 480)
+        paint_marks(canvas, depth, marks, np.array([GOAL], dtype=np.float64), TRACE)
 
 
 def mark_line(marks: Marks, view: View, points, kinds: NDArray[np.uint8], width: float) -> None:
