@@ -120,7 +120,8 @@ class Following:
 
     def rms(self) -> NDArray[np.float64]:
         """Root mean square of the errors of the episode so far, (N,), m."""
-        return np.asarray(np.sqrt(self.rows.squares / np.maximum(self.rows.steps, 1)), dtype=np.float64)
+        mean = self.rows.squares / np.maximum(self.rows.steps, 1)
+        return np.sqrt(mean, out=np.empty_like(self.rows.squares))
 
     def told(self) -> dict[str, NDArray[np.float64]]:
         """What the info tells of the rows."""
