@@ -120,8 +120,9 @@ class Following:
 
     def rms(self) -> NDArray[np.float64]:
         """Root mean square of the errors of the episode so far, (N,), m."""
-        mean = self.rows.squares / np.maximum(self.rows.steps, 1)
-        return np.sqrt(mean, out=np.empty_like(self.rows.squares))
+        roots = np.empty_like(self.rows.squares)
+        np.sqrt(self.rows.squares / np.maximum(self.rows.steps, 1), out=roots)
+        return roots
 
     def told(self) -> dict[str, NDArray[np.float64]]:
         """What the info tells of the rows."""
