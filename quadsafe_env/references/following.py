@@ -130,4 +130,4 @@ class Following:
         return dict(zip(TRACKING_KEYS, values, strict=True))
 
     def _times(self, steps_on: int = 0) -> NDArray[np.float64]:
-        return (self.rows.steps + steps_on) * self._period
+        return np.multiply(self.rows.steps + steps_on, self._period, dtype=np.float64)
