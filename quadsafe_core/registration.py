@@ -6,9 +6,10 @@ IDS = {
     "QuadSafe/Forest-v0": "forest",
     "QuadSafe/Rooms-v0": "rooms",
     "QuadSafe/Gates-v0": "gates",
+    "QuadSafe/Track-v0": "track",
 }
-# Time limits in policy steps: 12, 10, 16, 16 and 24 s at the default 25 Hz.
-TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400, "rooms": 400, "gates": 600}
+# Time limits in policy steps: 12, 10, 16, 16, 24 and 20 s at the default 25 Hz.
+TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400, "rooms": 400, "gates": 600, "track": 500}
 
 
 def register_environments() -> None:

@@ -15,10 +15,9 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from quadsafe_env.simulation.episode import INFO_KEYS, TERMINATED
+from quadsafe_env.simulation.episode import TERMINATED
 from quadsafe_env.simulation.world import World
 
-MASKS = tuple(f"_{key}" for key in INFO_KEYS)
 # What ``VectorEnv.step`` returns: observations, rewards, terminated, truncated, and the info.
 Transition = tuple[
     NDArray[np.float32], NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]
@@ -144,6 +143,6 @@ def mode_from(value: AutoresetMode | str) -> AutoresetMode:
     raise ValueError(f"autoreset_mode must be an AutoresetMode or one of {names}, got {value!r}")
 
 
-def vector_info(values: tuple[NDArray, ...], mask: NDArray[np.bool_]) -> dict[str, Any]:
+def vector_info(values: dict[str, NDArray], mask: NDArray[np.bool_]) -> dict[str, Any]:
     """Gymnasium's convention for vector infos: beside every key the mask of the rows that have it."""
-    return dict(zip(INFO_KEYS, values, strict=True)) | dict.fromkeys(MASKS, mask.copy())
+    return values | dict.fromkeys([f"_{key}" for key in values], mask.copy())

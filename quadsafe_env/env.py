@@ -85,6 +85,17 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     ### Reward
     Distance gained towards the goal (m) − 0.005 ‖action‖² + 2 once, on arrival: within 0.10 m of the goal for
     0.5 s without a break. A collision costs nothing here: it is `info["cost"]`.
+    Track pays 0.1/(1 + e/0.3 m) − 0.005 ‖action‖² for the distance e from the reference.
+
+    ### Track
+    The goal is where the reference is now. Behind the entries above, of its 4 nearest spheres, the agent sees
+    12 more: velocity of the reference − ṙ (4 m/s), and the reference 0.2, 0.4 and 0.8 s later − r (4 m). The
+    info has `tracking_error`, and `rms_error` and `max_error` of the episode so far, m. `is_success` is an
+    episode without a violation whose `rms_error` is at most 0.5 m; it is flown to the time limit.
+
+    ### Your own observation and reward
+    `observation="world"`, `observation=(function, space)` and `reward=function` stand in place of these, with
+    functions of ``quadsafe_env.signals.quantities.Quantities``, the same in the vector env.
 
     ### Openings
     In Rooms and Gates the vehicle must fly through openings, in order, before the goal counts. Until then the
@@ -140,10 +151,10 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def __init__(self, *, render_mode: str | None = None, **settings: Any):
         check_keywords("gymnasium.make", settings, ("render_mode",))
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self._world = build_world(1, self.render_mode, **settings)
+        self._world = build_world(1, self.render_mode, True, **settings)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy}
         self.action_space = Box(-1.0, 1.0, (4,), np.float32)
-        self.observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
+        self.observation_space = self._world.observation_space
         self._is_seeded = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -213,6 +224,11 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     def goal(self) -> NDArray[np.float64]:
         """The goal (3,), m, a copy."""
         return self._world.scenes.goal[0].copy()
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """In Track, position to snap of the reference now, (5, 3), SI; an error elsewhere."""
+        return self._references()[0]
 
     @property
     def is_blocked(self) -> bool:

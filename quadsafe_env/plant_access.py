@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
+from quadsafe_env.signals.told_worlds import ToldWorld
 from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
@@ -29,6 +30,11 @@ class PlantAccess:
     def conditions(self) -> Conditions:
         """What the flight meets beyond the model; all off by default."""
         return self._world.conditions
+
+    def _references(self) -> NDArray[np.float64]:
+        if not isinstance(self._world, ToldWorld) or not self._world.follows:
+            raise ValueError("reference must be asked of QuadSafe/Track-v0, got a task without one")
+        return self._world.references()
 
     def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``.

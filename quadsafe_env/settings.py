@@ -18,16 +18,18 @@ from quadsafe_core.checks import (
 )
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import Obstacles, shapes_from
-from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.camera import camera_from, picture_size, text
-from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
+from quadsafe_env.references.track import TrackTask
 from quadsafe_env.scene_settings import furnished, mapped, walls_of, within
+from quadsafe_env.signals.given import signals_from
+from quadsafe_env.signals.kinds import WORLDS
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import OFF, conditions_from
 from quadsafe_env.tasks.gates import GatesTask
 from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
+from quadsafe_env.track_settings import blocked_on_track, course_of, led
 from quadsafe_env.vehicle.params import QuadrotorParams, fitting, params_from
 
 TASKS = {
@@ -52,14 +54,11 @@ TASKS = {
         is_mixed=True,
         opening_count=6,
     ),
+    "track": TrackTask(
+        body_count=4, observed_count=4, ends_at_goal=False, sizes=(0.2, 0.4), largest_keep_out=0.8
+    ),
 }
 RENDER_MODES = ("human", "rgb_array")
-WORLDS: dict[str | None, type[World]] = {None: World, "rgb_array": FilmedWorld, "human": ShownWorld}
-DISTURBED_WORLDS: dict[str | None, type[DisturbedWorld]] = {
-    None: DisturbedWorld,
-    "rgb_array": FilmedDisturbedWorld,
-    "human": ShownDisturbedWorld,
-}
 # Of an action.
 ENTRY = np.dtype(np.float32)
 
@@ -67,6 +66,7 @@ ENTRY = np.dtype(np.float32)
 def build_world(
     n: int,
     render_mode: str | None = None,
+    is_single: bool = False,
     *,
     task: str = "avoid",
     action: str = "velocity",
@@ -82,6 +82,11 @@ def build_world(
     terminate_on_violation: bool = True,
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
+    reference: str | None = None,
+    size: float | None = None,
+    period: float | None = None,
+    observation: Any = "relative",
+    reward: Any = None,
     opening: float | None = None,
     gates: int | None = None,
     pillars: int | None = None,
@@ -97,7 +102,8 @@ def build_world(
     Args:
         n: number of rows.
         render_mode: one that was checked, or None; what is rendered remembers its past.
-        task: "flight", "avoid", "forest", "rooms" or "gates"; fixed by the id.
+        is_single: whether functions given as observation and reward get one row without an axis of rows.
+        task: "flight", "avoid", "forest", "rooms", "gates" or "track"; fixed by the id.
         action: "velocity", "snap", "wrench", "rates" or "attitude"; see ``quadsafe_env.vehicle.actions``.
         params: preset name, mapping of fields, or QuadrotorParams; ``docs/vehicles.md`` has the presets.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
@@ -112,8 +118,15 @@ def build_world(
         control_hz: rate of the filter slot, Hz; a multiple of policy_hz.
         physics_hz: rate of the inner loop and of RK4, Hz; a multiple of control_hz.
         terminate_on_violation: whether a violation ends the episode.
-        sphere_count: number of spheres of a forest.
-        sphere_radius: least and greatest obstacle radius of avoid and forest scenes, m.
+        sphere_count: number of spheres of a forest, 10 unless given, or on a reference, 4 unless given.
+        sphere_radius: least and greatest obstacle radius of avoid, forest and track scenes, m.
+        reference: of track, "figure-eight", the default, or "minimum-snap"; ``quadsafe_env.references.curves``.
+        size: half of the length of the reference, m, 1.5 unless given.
+        period: of the figure-eight, and of four segments of the spline, s, 10 unless given.
+        observation: "relative", the task's own; "world", that of ``quadsafe_env.signals.given.world_view``; or
+            (function, space), a function of ``quadsafe_env.signals.quantities.Quantities`` and the
+            ``gymnasium.spaces.Box`` that it gives.
+        reward: a function of the same quantities, in place of the task's own.
         opening: width of the doorway or window of rooms, width and height of every gate, m, 0.8 unless given.
         gates: number of gates, 1 to 6; 0, the default, draws 3 to 6.
         pillars: number of pillars of a room, 4 unless given.
@@ -142,12 +155,16 @@ def build_world(
     drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
     furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
     drawn = furnished(task, drawn, vehicle.radius, draws, **furniture)
+    drawn = led(task, drawn, reference=reference, size=size, period=period)
+    course = course_of(drawn)
     if draws:
         _check_room(drawn, vehicle)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
     if bounds is not None:
         drawn = within(drawn, *np.asarray(bounds, dtype=np.float64))
+    if course is not None:
+        blocked = blocked_on_track(goal, blocked, draws)
     drawn = mapped(drawn, given, walls, vehicle.radius, start=start, goal=goal, blocked=blocked)
     kept: dict[str, Any] = {
         "action": action,
@@ -165,10 +182,12 @@ def build_world(
     looks["caption"] = text("caption", caption)
     if render_mode is not None:
         kept |= looks
+    signals = signals_from(observation, reward, course, is_single, drawn.observed_count)
+    kept |= {} if signals is None else {"signals": signals}
     met = conditions_from(conditions)
-    if met == OFF:
-        return WORLDS[render_mode](n, drawn, vehicle, **kept)
-    return DISTURBED_WORLDS[render_mode](n, drawn, vehicle, conditions=met, **kept)
+    kept |= {} if met == OFF else {"conditions": met}
+    kind = WORLDS[signals is not None, met != OFF, render_mode]
+    return kind(n, drawn, vehicle, **kept)
 
 
 def check_keywords(maker: str, settings: Mapping[str, Any], own: tuple[str, ...]) -> None:
@@ -244,7 +263,7 @@ def check_render_mode(render_mode: str | None, modes: tuple[str, ...]) -> str | 
 def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float] | None) -> Task:
     task = TASKS[name]
     if sphere_count is not None:
-        if name != "forest":
+        if name not in ("forest", "track"):
             raise ValueError(f"sphere_count must be left out for task {name!r}, got {sphere_count!r}")
         task = replace(task, body_count=positive_integer("sphere_count", sphere_count))
     if sphere_radius is not None:

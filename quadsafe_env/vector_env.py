@@ -78,7 +78,7 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         mode = mode_from(autoreset_mode)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy, "autoreset_mode": mode}
         self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)
-        self.single_observation_space = Box(-1.0, 1.0, (self._world.observation_size,), np.float32)
+        self.single_observation_space = self._world.observation_space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         # Without a limit, no count of steps reaches it.
@@ -204,6 +204,11 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
     def goal(self) -> NDArray[np.float64]:
         """The goals (N, 3), m, a copy."""
         return self._world.scenes.goal.copy()
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """In Track, position to snap of the references now, (N, 5, 3); else an error."""
+        return self._references()
 
     @property
     def is_blocked(self) -> NDArray[np.bool_]:

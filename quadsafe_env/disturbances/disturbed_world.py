@@ -64,11 +64,11 @@ class DisturbedWorld(World):
         draw_rows(rows, self.words, self._disturbance, self._weather, self._line)
         super()._begin(rows)
 
-    def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
-        """Write the present observations of the given rows, from their estimated position and velocity."""
+    def seen_states(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """States (N, 20), those of the given rows with their estimated position and velocity."""
         states = self.states.copy()
         estimated_states(rows, self._disturbance, self._weather, states)
-        self._flight.observe(rows, self._plant, states, self._scene_memory, observations)
+        return states
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
         super()._wish(actions, opens)
@@ -86,7 +86,7 @@ class DisturbedWorld(World):
             self._weather,
         )
         if closes:
-            self.observe(self._everyone, observations)
+            self._look(self._everyone, observations)
 
     def _deliver(self, snap: NDArray[np.float64]) -> None:
         """From the answers of the filter to what the vehicles fly."""

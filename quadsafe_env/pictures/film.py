@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.pictures.bodies import corners_of
 from quadsafe_env.pictures.camera import NO_CORNERS, STRAIGHT, Camera, Steering
-from quadsafe_env.pictures.trail import Past, Trail
+from quadsafe_env.pictures.trail import NO_LINE, Past, Trail
 from quadsafe_env.simulation.surroundings import copied_row
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.scenes import Task
@@ -82,11 +82,20 @@ class FilmedWorld(World):
         from quadsafe_env.pictures.render import frame
 
         state, start, goal = self.states[row], self.scenes.start[row], self.scenes.goal[row]
-        seen: Any = {"past": self.past(row), "corners": self._corners[row], "steering": self._steering()}
+        seen: Any = {
+            "past": self.past(row),
+            "corners": self._corners[row],
+            "steering": self._steering(),
+            "reference": self.reference_line(row),
+        }
         return frame(state, goal, self.obstacles_of(row), self.params, start, **seen, **self._looks)
 
     def _steering(self) -> Steering:
         return STRAIGHT
+
+    def reference_line(self, row: int) -> NDArray[np.float64]:
+        """Points of what the row is to follow, (M, 3), m; none here."""
+        return NO_LINE
 
     def obstacles_of(self, row: int) -> Obstacles:
         """The obstacles of a row, as they stand."""

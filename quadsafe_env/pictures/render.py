@@ -17,7 +17,7 @@ from quadsafe_env.pictures.camera import BESIDE, NEAREST, STRAIGHT, Camera, Stee
 from quadsafe_env.pictures.painting import Marks, mark_path, no_marks, paint_marks, paint_shell, paint_stamp
 from quadsafe_env.pictures.scenery import Scenery, scenery_of
 from quadsafe_env.pictures.sprites import BOTTOM, GOAL, WALL, Color, Patch, blend, circle, font, pygame
-from quadsafe_env.pictures.trail import NO_PAST, Past
+from quadsafe_env.pictures.trail import NO_LINE, NO_PAST, Past
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, POSITION, THRUST, VELOCITY
 
@@ -52,6 +52,7 @@ def frame(
     corners: NDArray[np.float64] | None = None,
     steering: Steering = STRAIGHT,
     caption: str = "",
+    reference: NDArray[np.float64] = NO_LINE,
 ) -> NDArray[np.uint8]:
     """A picture of one vehicle in its scene.
 
@@ -67,18 +68,21 @@ def frame(
         corners: what is to be seen beside way and vehicle, (M, 3), m; None for all bodies as they stand.
         steering: what a mouse has done to the camera.
         caption: a text for the upper right corner.
+        reference: points of what is to be followed, (M, 3), m; its farthest point keeps the camera still then.
 
     Returns:
         RGB, (size, size, 3).
     """
     corners = corners_of(obstacles) if corners is None else corners
-    view = view_of(state[POSITION:VELOCITY], goal, start, camera, size, corners=corners, steering=steering)
+    end, here = far_end(goal, start, reference), state[POSITION:VELOCITY]
+    view = view_of(here, end, start, camera, size, corners=corners, steering=steering)
     scenery = scenery_of(view, obstacles, start, goal)
     canvas, depth = scenery.canvas.copy(), scenery.depth.copy()
     position, gaps = state[POSITION:VELOCITY], gaps_of(state, scenery)
     tops, tints = np.array([start, goal, position]), tints_of(gaps, past)
     draw_walls(scenery.far_walls, canvas, depth, tints)
     draw_feet(view, canvas, depth, tops, scenery.ground)
+    draw_reference(view, canvas, depth, reference)
     draw_lines(view, canvas, depth, tops, scenery.ground, past)
     draw_vehicle(view, canvas, depth, state, params)
     draw_glass(scenery, canvas, depth, tints)
@@ -88,6 +92,13 @@ def frame(
     readings = readings_of(state, goal, gaps, params, past)
     draw_labels(surface, labels_of(size, readings, past.is_corrected, caption))
     return canvas
+
+
+def far_end(goal, start, reference: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The other end of what is looked at: the goal, or the point of a reference farthest from its start."""
+    if not len(reference):
+        return goal
+    return reference[np.linalg.norm(reference - start, axis=1).argmax()]
 
 
 def gaps_of(state, scenery: Scenery) -> NDArray[np.float64]:
@@ -125,6 +136,14 @@ def draw_lines(view: View, canvas, depth, tops: NDArray[np.float64], ground: flo
     mark_line(marks, view, past.trail, 3 + past.was_corrected.astype(np.uint8), 1.8 * thin)
     posts = [blend(color, BOTTOM, 0.6) for color in (START, GOAL, ARM)]
     paint_marks(canvas, depth, marks, np.array([*posts, TRAIL, ACTS], dtype=np.float64), TRACE)
+
+
+def draw_reference(view: View, canvas, depth, points: NDArray[np.float64]) -> None:
+    """What is to be followed, a thin line."""
+    if len(points):
+        marks = no_marks(view.size)
+        mark_line(marks, view, points, np.zeros(len(points), dtype=np.uint8), 1.2 * view.size / 480)
+        paint_marks(canvas, depth, marks, np.array([GOAL], dtype=np.float64), TRACE)
 
 
 def mark_line(marks: Marks, view: View, points, kinds: NDArray[np.uint8], width: float) -> None:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 # Points of a trail; more than a time limit has steps at the default rate.
 LENGTH = 512
+NO_LINE = np.zeros((0, 3))
 
 
 class Past(NamedTuple):

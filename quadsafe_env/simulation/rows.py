@@ -17,6 +17,22 @@ from quadsafe_env.simulation.block import LINES
 from quadsafe_env.vehicle.state import STATE_SIZE
 
 OUTCOMES, FLAGS = 3, 8
+# What a world has as views of its memory: a copy makes them anew.
+COLUMNS = frozenset(
+    [
+        "states",
+        "scenes",
+        "obstacles",
+        "openings",
+        "outcomes",
+        "flags",
+        "_flat",
+        "_snap",
+        "_yaw_acceleration",
+        "_table",
+        "_commands",
+    ]
+)
 
 
 class Rows(NamedTuple):

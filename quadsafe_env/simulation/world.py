@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.ravel import raveled
@@ -20,7 +21,7 @@ from quadsafe_env.simulation.episode import INFO_KEYS
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
-from quadsafe_env.simulation.rows import FLAGS, OUTCOMES, memory_of, restore_arrays, rows_of
+from quadsafe_env.simulation.rows import COLUMNS, FLAGS, OUTCOMES, memory_of, restore_arrays, rows_of
 from quadsafe_env.simulation.slot import (
     MinimalFilter,
     Passed,
@@ -42,22 +43,6 @@ from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_rotors
 from quadsafe_env.vehicle.state import STATE_SIZE
 from quadsafe_env.vehicle.yaw import YawHold, YawRange, yaw_hold
-
-COLUMNS = frozenset(
-    [
-        "states",
-        "scenes",
-        "obstacles",
-        "openings",
-        "outcomes",
-        "flags",
-        "_flat",
-        "_snap",
-        "_yaw_acceleration",
-        "_table",
-        "_commands",
-    ]
-)
 
 __all__ = ["MinimalFilter", "PassThrough", "Passed", "Rates", "SnapFilter", "World"]
 
@@ -235,9 +220,21 @@ class World:
         mask[rows] = True
         self._slot.reset(mask)
 
-    def observe(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
+    @property
+    def observation_space(self) -> Box:
+        """What one row observes."""
+        return Box(-1.0, 1.0, (self.observation_size,), np.float32)
+
+    def seen_states(self, rows: NDArray[np.intp]) -> NDArray[np.float64]:
+        """States (N, 20) that the given rows are observed in."""
+        return self.states
+
+    def _look(self, rows: NDArray[np.intp], observations: NDArray[np.float32]) -> None:
+        self._flight.observe(rows, self._plant, self.seen_states(rows), self._scene_memory, observations)
+
+    def observe(self, rows: NDArray[np.intp], observations: NDArray) -> None:
         """Write the present observations of the given rows."""
-        self._flight.observe(rows, self._plant, self.states, self._scene_memory, observations)
+        self._look(rows, observations)
 
     def observed(self) -> NDArray[np.float32]:
         """Present observations (N, observation_size), a fresh array."""
@@ -281,11 +278,11 @@ class World:
     def close(self) -> None:
         """Nothing to close."""
 
-    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], tuple[NDArray, ...]]:
-        """Rewards, ends and the values of the info of the last step, fresh arrays (N,)."""
+    def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
+        """Rewards, ends and the info of the last step, fresh arrays (N,)."""
         rewards, cost, clearance = self.outcomes.copy()
         *flags, terminated = self.flags.copy()
-        return rewards, terminated, (cost, clearance, *flags)
+        return rewards, terminated, dict(zip(INFO_KEYS, (cost, clearance, *flags), strict=True))
 
     def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
         """Reward, end and info of the only row."""

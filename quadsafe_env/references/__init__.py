@@ -1,0 +1,1 @@
+"""What a quadrotor is to follow: references, and scenes with obstacles on them."""
