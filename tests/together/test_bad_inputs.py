@@ -64,7 +64,10 @@ CONSTRUCTORS = {
         {},
         {
             **WRAPPER,
-            "scale": ({"thrust_max": 0.02}, "thrust_min and thrust_max must enclose gravity 9.81, got"),
+            "scale": (
+                {"specific_thrust_max": 0.02},
+                "specific_thrust_min and specific_thrust_max must enclose gravity 9.81, got",
+            ),
             "sign": ({"snap_max": -200.0}, "snap_max must be a finite number > 0, got -200.0"),
             "name": ({"snapmax": 1.0}, "Shield must get keywords among 'method', 'snap_max', "),
             "unused": (
@@ -80,14 +83,25 @@ CONSTRUCTORS = {
     "VectorShieldWrapper": (wrapped_rows, {}, WRAPPER),
     "Authority": (
         Authority,
-        {"snap_max": 380.0, "jerk_max": 44.0, "thrust_min": 5.2, "thrust_max": 20.0, "gravity": 9.81},
+        {
+            "snap_max": 380.0,
+            "jerk_max": 44.0,
+            "specific_thrust_min": 5.2,
+            "specific_thrust_max": 20.0,
+            "gravity": 9.81,
+        },
         {
             "type": ({"snap_max": "380"}, "authority.snap_max must be a finite number > 0, got '380'"),
             "shape": ({"jerk_max": [44.0]}, "authority.jerk_max must be a finite number > 0, got [44.0]"),
             # Newtons of a small vehicle in place of m/s².
-            "scale": ({"thrust_max": 0.6}, "authority must have thrust_min < gravity < thrust_max, got"),
+            "scale": (
+                {"specific_thrust_max": 0.6},
+                "authority must have specific_thrust_min < gravity < specific_thrust_max, got",
+            ),
             "sign": ({"jerk_max": -44.0}, "authority.jerk_max must be a finite number > 0, got -44.0"),
             "name": ({"jerkmax": 44.0}, "argument 'jerkmax'; did you mean 'jerk_max'?"),
+            # Of a vehicle, N.
+            "old name": ({"thrust_max": 20.0}, "'thrust_max'; did you mean 'specific_thrust_max'?"),
         },
     ),
     "Uncertainty": (
