@@ -34,7 +34,13 @@ SHIELDS: dict[str, dict[str, Any]] = {
     "free numbers": {},
     "closing": {"max_closing_speed": 2.0, "max_closing_acceleration": 8.0, "max_closing_jerk": 60.0},
     "authority": {
-        "authority": {"snap_max": 300, "jerk_max": 60, "thrust_min": 3, "thrust_max": 18, "gravity": 9.81}
+        "authority": {
+            "snap_max": 300,
+            "jerk_max": 60,
+            "specific_thrust_min": 3,
+            "specific_thrust_max": 18,
+            "gravity": 9.81,
+        }
     },
     "tube": {
         "uncertainty": {

@@ -26,7 +26,7 @@ from safety_campaign.stage import Setting
 CSV, PAGE = ROOT / "docs/data/safety.csv", ROOT / "docs/safety.md"
 # The first is the one that is tried; the others show that the attacks are attacks.
 ARMS, YAW_ARMS = ("sampled", "cbf", "none"), ("sampled", "measured", "none")
-ACTIONS = ("snap", "velocity", "wrench")
+ACTIONS = ("snap", "velocity", "wrench", "rates", "attitude")
 ATTACKS: dict[str, Callable[[], Any]] = {
     "tracker": attacks.TrackerAttack,
     "overhead": attacks.OverheadAttack,

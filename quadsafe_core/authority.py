@@ -23,7 +23,8 @@ def _checked(found: "Authority") -> "Authority":
     _, _, least, most, gravity = numbers
     if not least < gravity < most:
         raise ValueError(
-            f"authority must have thrust_min < gravity < thrust_max, got {least:g}, {gravity:g} and {most:g}"
+            "authority must have specific_thrust_min < gravity < specific_thrust_max, "
+            f"got {least:g}, {gravity:g} and {most:g}"
         )
     return Authority._make(numbers)
 
@@ -35,19 +36,19 @@ class Authority(NamedTuple):
     Whoever hands one out promises: a flight within these numbers never asks the rotors for more than they have.
     An authority with a number not above 0, or with hover out of its band, cannot be made.
 
-    | field      | unit | meaning                                              |
-    |------------|------|------------------------------------------------------|
-    | snap_max   | m/s⁴ | bound of ‖r⁗‖                                        |
-    | jerk_max   | m/s³ | bound of ‖r⃛‖                                        |
-    | thrust_min | m/s² | lower end of the band of specific thrust ‖r̈ + g e3‖ |
-    | thrust_max | m/s² | upper end of that band                               |
-    | gravity    | m/s² | g                                                    |
+    | field               | unit | meaning                                              |
+    |---------------------|------|------------------------------------------------------|
+    | snap_max            | m/s⁴ | bound of ‖r⁗‖                                        |
+    | jerk_max            | m/s³ | bound of ‖r⃛‖                                        |
+    | specific_thrust_min | m/s² | lower end of the band of specific thrust ‖r̈ + g e3‖ |
+    | specific_thrust_max | m/s² | upper end of that band                               |
+    | gravity             | m/s² | g                                                    |
     """
 
     snap_max: float
     jerk_max: float
-    thrust_min: float
-    thrust_max: float
+    specific_thrust_min: float
+    specific_thrust_max: float
     gravity: float
 
     def acceleration_along(self, direction: ArrayLike) -> NDArray[np.float64]:
@@ -85,8 +86,8 @@ class Authority(NamedTuple):
         return Authority(
             kept * self.snap_max,
             kept * self.jerk_max,
-            self.gravity + kept * (self.thrust_min - self.gravity),
-            self.gravity + kept * (self.thrust_max - self.gravity),
+            self.gravity + kept * (self.specific_thrust_min - self.gravity),
+            self.gravity + kept * (self.specific_thrust_max - self.gravity),
             self.gravity,
         )
 
@@ -95,11 +96,14 @@ class Authority(NamedTuple):
 def acceleration_along(n_z, authority):
     """Greatest acceleration along a unit vector with that z entry which keeps the thrust in the band."""
     upward, lift = authority.gravity * n_z, authority.gravity * authority.gravity
-    inside = upward * upward + authority.thrust_min * authority.thrust_min - lift
+    inside = upward * upward + authority.specific_thrust_min * authority.specific_thrust_min - lift
     # Only downwards, within a cone, does the thrust fall to the lower end at all.
     if upward < 0.0 and inside >= 0.0:
         return -upward - math.sqrt(inside)
-    return math.sqrt(upward * upward + authority.thrust_max * authority.thrust_max - lift) - upward
+    return (
+        math.sqrt(upward * upward + authority.specific_thrust_max * authority.specific_thrust_max - lift)
+        - upward
+    )
 
 
 @kernel

@@ -45,7 +45,7 @@ class PlantAccess:
             ValueError: for a physics rate at which that is all.
         """
         whole, dt = authority(self.params), 1.0 / self._world.rates.physics
-        flight = Flight(whole.snap_max, whole.jerk_max, whole.thrust_min, yaw_range(self.params))
+        flight = Flight(whole.snap_max, whole.jerk_max, whole.specific_thrust_min, yaw_range(self.params))
         left = whole.snap_max - lead(flight, self.params, dt)
         if left <= 0.0:
             raise ValueError(
@@ -70,8 +70,8 @@ class PlantAccess:
         p, rates = self.params, self._world.rates
         return FlightModel(
             gravity=p.gravity,
-            thrust_min=p.specific_thrust_min,
-            thrust_max=p.specific_thrust_max,
+            specific_thrust_min=p.specific_thrust_min,
+            specific_thrust_max=p.specific_thrust_max,
             authority=self.authority() if self._world.rotor_limits else None,
             physics_hz=rates.physics,
             control_hz=rates.control,

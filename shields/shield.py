@@ -75,8 +75,8 @@ class Shield:
         alpha: α, how fast a set value may decay, 1/s.
         margin: how far outside the keep-out radius the set ends, as a fraction of that radius; of shapes other
             than spheres, which may be thin, as a fraction of half a metre.
-        thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled"); 1.
-        thrust_max: largest specific thrust of a certified flight, m/s² ("sampled"); None for no limit.
+        specific_thrust_min: least specific thrust that a certified flight keeps, m/s² ("sampled"); 1.
+        specific_thrust_max: largest specific thrust of a certified flight, m/s² ("sampled"); None for no limit.
         gravity: g, m/s² ("sampled"); 9.81.
         authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of the
             settings above but alpha and margin; None for those.
@@ -106,8 +106,8 @@ class Shield:
         jerk_max: float | None = None,
         alpha: float = 2.0,
         margin: float = 0.005,
-        thrust_min: float | None = None,
-        thrust_max: float | None = None,
+        specific_thrust_min: float | None = None,
+        specific_thrust_max: float | None = None,
         gravity: float | None = None,
         authority: Authority | Mapping[str, float] | None = None,
         uncertainty: Uncertainty | Mapping[str, Any] | None = None,
@@ -123,8 +123,8 @@ class Shield:
             jerk_max=jerk_max,
             alpha=alpha,
             margin=margin,
-            thrust_min=thrust_min,
-            thrust_max=thrust_max,
+            specific_thrust_min=specific_thrust_min,
+            specific_thrust_max=specific_thrust_max,
             gravity=gravity,
             authority=authority,
             uncertainty=uncertainty,

@@ -13,6 +13,11 @@ import tyro
 from agents.experiment.config import Experiment, Options, check_positive
 from agents.experiment.pairs import Pairs
 from quadsafe_core.nearest_word import did_you_mean
+from quadsafe_core.registration import IDS
+
+# Those of quadsafe_env.vehicle.actions and of Stable-Baselines3, which are too slow to ask for a word.
+ACTIONS = ("velocity", "snap", "wrench", "rates", "attitude")
+ALGORITHM_NAMES = ("a2c", "ddpg", "dqn", "ppo", "sac", "td3")
 
 
 @dataclass(frozen=True)
@@ -192,7 +197,9 @@ def parse(arguments: Sequence[str] | None = None) -> Command:
     command = _spelled(Train, words, program())
     given = _given(command.options)
     # What is not said again is that of the run or the file.
-    return command if given is None else _spelled(Train, words, program(), Train(given))
+    command = command if given is None else _spelled(Train, words, program(), Train(given))
+    _check_words(command.experiment)
+    return command
 
 
 def given(command: Evaluate | Watch, *names: str) -> dict[str, Any]:
@@ -219,6 +226,23 @@ def _given(options: Options) -> Experiment | None:
     if options.trained_agent is not None:
         return open_run(options.trained_agent).experiment
     return read_experiment(options.config)  # type: ignore[arg-type]
+
+
+def _check_words(experiment: Experiment) -> None:
+    """What is known before anything is imported that takes seconds.
+
+    Raises:
+        ValueError: for a word that there is not.
+    """
+    for name, known in (("env", tuple(IDS)), ("action", ACTIONS), ("algo", ALGORITHM_NAMES)):
+        word = getattr(experiment, name)
+        if word not in known:
+            listed = ", ".join(map(repr, known))
+            raise ValueError(f"{name} must be one of {listed}, got {word!r}{did_you_mean(word, known)}")
+    if "action" in experiment.env_kwargs:
+        raise ValueError(
+            f"env_kwargs must leave out action, which is --action, got {experiment.env_kwargs['action']!r}"
+        )
 
 
 @contextmanager

@@ -55,7 +55,7 @@ class Experiment:
     env: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(IDS)}}}")] = "QuadSafe/Avoid-v0"
     """Id of the environment."""
     action: str = "velocity"
-    """What the policy commands: velocity, snap or wrench."""
+    """What the policy commands: velocity, snap, wrench, rates or attitude."""
     env_kwargs: Pairs = field(default_factory=dict)
     """Further keywords of the environment, values in YAML, as params:racer rotor_limits:true."""
     shield: Pairs = field(default_factory=dict)

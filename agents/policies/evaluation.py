@@ -1,6 +1,6 @@
 """A policy from elsewhere on held-out scenes, without and with the shield, told and reported as a run is."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,7 +58,9 @@ def evaluate(
 ) -> Evaluation:
     """Documented where it is public, in ``agents.evaluate``."""
     chosen = chosen_scenes(scenes)
-    return evaluate_in(policy, experiment_of(env, len(chosen), shield or {}), chosen, log_folder)
+    if not isinstance(shield, Mapping | None):
+        raise TypeError(f"shield must be None or a mapping of settings, got {shield!r}")
+    return evaluate_in(policy, experiment_of(env, len(chosen), dict(shield or {})), chosen, log_folder)
 
 
 def evaluate_in(

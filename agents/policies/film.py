@@ -15,6 +15,8 @@ from quadsafe_env.settings import scene_integer
 
 def film(env: gymnasium.Env, policy: Any, path: str | Path, scene: int | None = None) -> str:
     """Documented where it is public, in ``agents.film``."""
+    if not isinstance(path, str | Path):
+        raise TypeError(f"path must be the path of a video, got {path!r}")
     agent, file = agent_from(policy), Path(path)
     check_video(file)
     if not isinstance(env, gymnasium.Env) or not isinstance(env.unwrapped, QuadrotorEnv):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from quadsafe_core.shapes import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Hull, Sphere
-from quadsafe_env.vehicle.actions import velocity_gains
+from quadsafe_env.vehicle.actions import gains_at
 from safety_campaign.attacks import directions, gains_of, towards
 from safety_campaign.flights import Tally
 from safety_campaign.stage import NO_LIMIT, Stage, rates, shielded
@@ -123,7 +123,7 @@ class AmongStage(Stage):
         )
         self.env = shielded(env, setting.arm)
         self.plant: Any = self.env.unwrapped
-        self._gains = velocity_gains(self.plant.control_period)
+        self._gains = gains_at(self.plant.control_period)
 
 
 class Counted(Tally):

@@ -34,7 +34,7 @@ VEHICLES: Mapping[str, Any] = MappingProxyType(
         "slow yaw": {"yaw_rate_max": 2.0},
     }
 )
-INTERFACES = ("snap", "velocity", "wrench")
+INTERFACES = ("snap", "velocity", "wrench", "rates", "attitude")
 SPHERE, FOREST = TASKS = ("sphere", "forest")
 PILOTS = ("spin", "alternate", "tumble")
 

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import quadsafe_env  # noqa: F401 - registers the ids
-from quadsafe_env.vehicle.actions import velocity_gains
+from quadsafe_env.vehicle.actions import BodyGains, Gains, gains_at
 from quadsafe_env.vehicle.flatness import wrench_from_snap
 from quadsafe_env.vehicle.params import params_from
-from quadsafe_env.vehicle.state import hover_state
+from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST, THRUST_RATE, hover_state
 from shields import VectorShieldWrapper
 
 # Settings of every arm; "sampled" is the default shield as it comes.
@@ -69,7 +69,7 @@ class Stage:
         )
         self.env = shielded(env, setting.arm, **self.shield())
         self.plant: Any = self.env.unwrapped
-        self._gains = velocity_gains(self.plant.control_period)
+        self._gains: Gains = gains_at(self.plant.control_period)
 
     def world(self) -> dict[str, Any]:
         """The sphere and the rates, as keywords of ``make_vec``."""
@@ -96,12 +96,49 @@ class Stage:
         if self.setting.action == "wrench":
             command[:] = wrench_from_snap(self.plant.state, snap, self.plant.params)
         elif self.setting.action == "velocity":
-            k = self._gains
+            k = self._gains.velocity
             command[:, :3] = (
                 flat[:, 1] + (snap + k.acceleration * flat[:, 2] + k.jerk * flat[:, 3]) / k.velocity
             )
-        else:
+        elif self.setting.action == "snap":
             command[:, :3] = snap
+        else:
+            moved = turned if self.setting.action == "attitude" else spun
+            command[:, :3] = moved(self.plant.state, snap, self.plant.params, self._gains.body)
         action = command / self.plant.action_scale
         action[:, :3] /= np.maximum(1.0, np.abs(action[:, :3]).max(axis=1, keepdims=True))
         return action
+
+
+def spun(state: NDArray, snap: NDArray, params, k: BodyGains) -> NDArray[np.float64]:
+    """Thrust beyond g and ω_x, ω_y (N, 3) at which "rates" asks for snaps (N, 3), but for half a period."""
+    lift, spin = _motion(state, snap, params)
+    rates = state[:, OMEGA : OMEGA + 2]
+    return np.column_stack([_thrust(state, lift, params, k), rates + spin / k.rate])
+
+
+def turned(state: NDArray, snap: NDArray, params, k: BodyGains) -> NDArray[np.float64]:
+    """Thrust beyond g, roll and pitch (N, 3) at which "attitude" asks for snaps (N, 3), about so."""
+    lift, spin = _motion(state, snap, params)
+    up = state[:, ATTITUDE:OMEGA].reshape(-1, 3, 3)[:, 2]
+    turn = (spin + k.tilt_rate * state[:, OMEGA : OMEGA + 2]) / k.tilt
+    # n_cmd × n = turn is square to n: its z entry follows, and n_cmd is n + n × turn.
+    along = -(turn * up[:, :2]).sum(axis=1) / np.where(np.abs(up[:, 2]) < 0.1, 0.1, up[:, 2])
+    wanted = up + np.cross(up, np.column_stack([turn, along]))
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    tilt = np.arctan2(wanted[:, 1], wanted[:, 2]), -np.arcsin(wanted[:, 0])
+    return np.column_stack([_thrust(state, lift, params, k), *tilt])
+
+
+def _motion(state: NDArray, snap: NDArray, params) -> tuple[NDArray, NDArray]:
+    """Second derivative of the specific thrust (N,) and ω̇ about x and y (N, 2): (31) and Euler's equations."""
+    wrench, rates = wrench_from_snap(state, snap, params), state[:, OMEGA:THRUST]
+    inertia = np.array(params.inertia)
+    spin = (wrench[:, 1:] - np.cross(rates, inertia * rates)) / inertia
+    return wrench[:, 0] / params.mass, spin[:, :2]
+
+
+def _thrust(state: NDArray, lift: NDArray, params, k: BodyGains) -> NDArray[np.float64]:
+    """Specific thrust beyond g (N,) whose feedback gives these ẗ (N,)."""
+    thrust, rate = state[:, THRUST] / params.mass, state[:, THRUST_RATE] / params.mass
+    return thrust - params.gravity + (lift + k.thrust_rate * rate) / k.thrust

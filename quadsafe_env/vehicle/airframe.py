@@ -29,6 +29,10 @@ PROPELLER = 0.6
 MOMENT = 0.2
 # How far inertia and torque may be from the rule: twice what the farthest preset is.
 FIT = 3.0
+# Units are surely wrong beyond these: presets have 100 to 640 kg/m³, 1.7 to 4.6 times the weight, 1.6 arms.
+DENSITIES = (10.0, 6000.0)  # mass / arm³, kg/m³
+THRUST_TO_WEIGHT = 30.0
+LARGEST_RADIUS = 3.0  # arms
 AXES = "xyz"
 
 
@@ -137,6 +141,9 @@ def x_torque_max(arm: float, thrust_max: float, moment_ratio: float) -> tuple[fl
 def misfits(params: Any) -> tuple[str, ...]:
     """What does not fit together: a sentence for inertia and for torque beyond a factor of 3 of the rule.
 
+    Where these fit, mass, arm and thrust may still be in other units than kg, m and N together: a sentence for
+    m/L³ and for F/(m g) beyond what any quadrotor has, and for a radius or a drag torque beyond the arm's.
+
     ``inertia`` is held against ``m L² (1/4, 1/4, 1/2)``, ``torque_max`` about x and y against ``√2 L F/4`` for
     F = ``thrust_max``. The torque about z is not: it has no rule that is good to a factor of 3.
 
@@ -148,9 +155,47 @@ def misfits(params: Any) -> tuple[str, ...]:
     of_inertia = f"mass {params.mass:g} kg and arm {params.arm:g} m"
     of_torque = f"thrust_max {params.thrust_max:g} N and arm {params.arm:g} m"
     return (
-        *_misfit("inertia", "kg m²", params.inertia, ruled, of_inertia),
-        *_misfit("torque_max", "N m", params.torque_max[:2], torque, of_torque),
+        *(_misfit("inertia", "kg m²", params.inertia, ruled, of_inertia) or _misscaled_arm(params)),
+        *(_misfit("torque_max", "N m", params.torque_max[:2], torque, of_torque) or _misscaled_thrust(params)),
+        *_misscaled_propeller(params),
     )
+
+
+def _misscaled_arm(params) -> tuple[str, ...]:
+    least, most = DENSITIES
+    density = params.mass / params.arm / params.arm / params.arm
+    if least <= density <= most:
+        return ()
+    return (
+        f"mass and arm must be in kg and m, with mass / arm³ from {least:g} to {most:g} kg/m³, "
+        f"got {params.mass:g} and {params.arm:g}, {density:.3g} kg/m³",
+    )
+
+
+def _misscaled_thrust(params) -> tuple[str, ...]:
+    ratio = params.thrust_max / (params.mass * params.gravity)
+    if ratio <= THRUST_TO_WEIGHT:
+        return ()
+    return (
+        f"thrust_max must be in N, at most {THRUST_TO_WEIGHT:g} times the weight, "
+        f"got {params.thrust_max:g}, {ratio:.3g} times {params.mass * params.gravity:.3g} N",
+    )
+
+
+def _misscaled_propeller(params) -> tuple[str, ...]:
+    found = []
+    if params.radius > LARGEST_RADIUS * params.arm:
+        found.append(
+            f"radius, arm and propeller, must be in m, at most {LARGEST_RADIUS:g} times arm {params.arm:g} m, "
+            f"got {params.radius:g}"
+        )
+    lever = 2.0 * params.torque_max[2] / params.thrust_max
+    if lever > params.arm:
+        found.append(
+            f"drag torque over thrust, moment_ratio or 2 torque_max[2] / thrust_max, must be in m, "
+            f"at most arm {params.arm:g} m, got {lever:g}"
+        )
+    return tuple(found)
 
 
 def _misfit(name, unit, values, ruled, given) -> tuple[str, ...]:

@@ -40,12 +40,12 @@ class QuadrotorParams(NamedTuple):
 
     @property
     def specific_thrust_min(self) -> float:
-        """The floor as a specific thrust, m/s²; the ``thrust_min`` of an ``Authority`` lies above it."""
+        """The floor as a specific thrust, m/s²; that of an ``Authority`` lies above it."""
         return self.thrust_min / self.mass
 
     @property
     def specific_thrust_max(self) -> float:
-        """Full thrust as a specific thrust, m/s²; the ``thrust_max`` of an ``Authority`` lies below it."""
+        """Full thrust as a specific thrust, m/s²; that of an ``Authority`` lies below it."""
         return self.thrust_max / self.mass
 
     @classmethod

@@ -42,7 +42,7 @@ def thrust_demand(x, u, sign, sampling, authority):
     rate = dot(e, x.j)
     across = combined(x.j, -rate, e)
     drift = dot(across, across) / length if sign < 0.0 else 0.0
-    bound = authority.thrust_min if sign > 0.0 else -authority.thrust_max
+    bound = authority.specific_thrust_min if sign > 0.0 else -authority.specific_thrust_max
     state = (0.0, 0.0, sign * rate, sign * length)
     least, value, is_admissible = required(2, state, bound, sign * (dot(e, u) + drift), sampling)
     return Demand(scale(sign, e), least - sign * drift, value, is_admissible)

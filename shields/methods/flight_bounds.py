@@ -24,12 +24,14 @@ def bounds_of(settings: Mapping[str, Any]) -> FlightBounds:
     """What half-spaces and stops count on: free numbers, or the authority less what is reserved."""
     if settings["authority"] is None:
         u_max, input_max = settings["snap_max"], settings["reserve"] * settings["snap_max"]
-        held, jerk, most = (_limit(settings[name]) for name in ("held_snap_max", "jerk_max", "thrust_max"))
-        band = ThrustBand(settings["thrust_min"], most, settings["gravity"])
+        held, jerk, most = (
+            _limit(settings[name]) for name in ("held_snap_max", "jerk_max", "specific_thrust_max")
+        )
+        band = ThrustBand(settings["specific_thrust_min"], most, settings["gravity"])
         return FlightBounds(u_max, input_max, FlightLimits(held, input_max, jerk, band), None)
     whole = checked_authority("authority", settings["authority"])
     kept = whole.less(RESERVED)
-    band = ThrustBand(kept.thrust_min, kept.thrust_max, kept.gravity)
+    band = ThrustBand(kept.specific_thrust_min, kept.specific_thrust_max, kept.gravity)
     limits = FlightLimits(whole.snap_max, kept.snap_max, kept.jerk_max, band)
     return FlightBounds(kept.snap_max, whole.snap_max, limits, kept)
 

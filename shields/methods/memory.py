@@ -38,8 +38,8 @@ SETTINGS = np.dtype(
         ("snap_max", "f8"),  # of a certified flight, m/s⁴
         ("stop_snap_max", "f8"),  # of a stop, m/s⁴
         ("jerk_max", "f8"),  # m/s³
-        ("thrust_min", "f8"),  # specific, m/s²
-        ("thrust_max", "f8"),  # specific, m/s²
+        ("specific_thrust_min", "f8"),  # specific, m/s²
+        ("specific_thrust_max", "f8"),  # specific, m/s²
         ("gravity", "f8"),  # m/s²
         ("margin", "f8"),  # of a radius
         ("tracking", "f8", (4,)),  # onto a stored stop
@@ -182,7 +182,7 @@ def settings_of(s, kind):
     closing = only_if(kind[0], (c[0], c[1], c[2]))
     authority = only_if(kind[1], Authority(a[0], a[1], a[2], a[3], a[4]))
     easing = Easing((e[0], e[1], e[2], e[3]), s["easing_left"], s["easing_within"])
-    band = ThrustBand(s["thrust_min"], s["thrust_max"], s["gravity"])
+    band = ThrustBand(s["specific_thrust_min"], s["specific_thrust_max"], s["gravity"])
     limits = FlightLimits(s["snap_max"], s["stop_snap_max"], s["jerk_max"], band)
     return ShieldSettings(
         Sampling(s["u_max"], s["gamma"], s["input_max"], s["period"], authority, easing),
@@ -224,7 +224,7 @@ def write_settings(
     record["u_max"], record["input_max"], record["period"] = bounds.u_max, bounds.input_max, period
     record["gamma"], record["margin"] = -math.expm1(-settings["alpha"] * period), settings["margin"]
     record["snap_max"], record["stop_snap_max"], record["jerk_max"], band = bounds.limits
-    record["thrust_min"], record["thrust_max"], record["gravity"] = band
+    record["specific_thrust_min"], record["specific_thrust_max"], record["gravity"] = band
     record["tracking"] = tracking
     record["braking"] = held_gains(3, BRAKING_POLE, period)
     record["recovery"] = held_gains(3, RECOVERY_POLE, period)

@@ -70,7 +70,7 @@ def proved_settings(settings: Mapping[str, Any], model: FlightModel) -> dict[str
         return _free_settings(settings, model, told)
     whole = checked_authority("authority", given)
     _check_authority(whole, model)
-    band = ThrustBand(whole.thrust_min, whole.thrust_max, whole.gravity)
+    band = ThrustBand(whole.specific_thrust_min, whole.specific_thrust_max, whole.gravity)
     limits = FlightLimits(whole.snap_max, whole.snap_max, whole.jerk_max, band)
     error = _error(limits, model, model.physics_hz)
     if not _fits(error, limits, told, 1.0 / model.control_hz, MOST_TAKEN):
@@ -87,8 +87,11 @@ def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> di
     if settings.get("authority") is not None:
         _check_authority(checked_authority("authority", settings["authority"]), model)
         return dict(settings)
-    floor = max(FREE_NUMBERS["thrust_min"], 1.01 * model.thrust_min)
-    own = {"gravity": model.gravity, "thrust_min": min(floor, 0.5 * (model.thrust_min + model.gravity))}
+    floor = max(FREE_NUMBERS["specific_thrust_min"], 1.01 * model.specific_thrust_min)
+    own = {
+        "gravity": model.gravity,
+        "specific_thrust_min": min(floor, 0.5 * (model.specific_thrust_min + model.gravity)),
+    }
     found = {**own, **{name: value for name, value in settings.items() if value is not None}}
     _check_numbers(found, model)
     return {**settings, **{name: found[name] for name in own}}
@@ -137,25 +140,25 @@ def _too_slow(
 
 def _scaled(given: Mapping[str, Any], model: FlightModel) -> Iterator[dict[str, Any]]:
     """Full numbers, and ever smaller ones; what is given stays."""
-    above_floor = model.thrust_min + ABOVE_FLOOR * (model.gravity - model.thrust_min)
+    above_floor = model.specific_thrust_min + ABOVE_FLOOR * (model.gravity - model.specific_thrust_min)
     least = max(THRUST_SHARE * model.gravity, above_floor)
     for scale in SCALES:
         snap = given.get("snap_max", scale * FREE_NUMBERS["snap_max"])
         reserve = given.get("reserve", FREE_NUMBERS["reserve"])
-        floor = given.get("thrust_min", least)
+        floor = given.get("specific_thrust_min", least)
         yield {
             "gravity": model.gravity,
             "snap_max": snap,
             "reserve": reserve,
             "held_snap_max": given.get("held_snap_max", HELD_OVER_STOP * snap * reserve),
             "jerk_max": given.get("jerk_max", scale ** (2.0 / 3.0) * BODY_RATE * floor),
-            "thrust_min": floor,
-            "thrust_max": given.get("thrust_max", model.thrust_max),
+            "specific_thrust_min": floor,
+            "specific_thrust_max": given.get("specific_thrust_max", model.specific_thrust_max),
         }
 
 
 def _limits(numbers: Mapping[str, float]) -> FlightLimits:
-    band = ThrustBand(numbers["thrust_min"], numbers["thrust_max"], numbers["gravity"])
+    band = ThrustBand(numbers["specific_thrust_min"], numbers["specific_thrust_max"], numbers["gravity"])
     stop = numbers["snap_max"] * numbers["reserve"]
     return FlightLimits(numbers["held_snap_max"], stop, numbers["jerk_max"], band)
 
@@ -211,13 +214,16 @@ def _refuse_free_numbers(settings: Mapping[str, Any]) -> None:
 def _check_numbers(given: Mapping[str, Any], model: FlightModel) -> None:
     """Given numbers against the plant's."""
     _check_gravity("gravity", given.get("gravity", model.gravity), model)
-    least, most = given.get("thrust_min", math.inf), given.get("thrust_max", 0.0)
-    if not least > model.thrust_min:
+    least, most = given.get("specific_thrust_min", math.inf), given.get("specific_thrust_max", 0.0)
+    if not least > model.specific_thrust_min:
         raise ValueError(
-            f"thrust_min must be above {model.thrust_min:g} m/s², at which the plant crashes, got {least:g}"
+            f"specific_thrust_min must be above {model.specific_thrust_min:g} m/s², at which the plant "
+            f"crashes, got {least:g}"
         )
-    if not most <= model.thrust_max * (1.0 + 1e-9):
-        raise ValueError(f"thrust_max must be at most the plant's {model.thrust_max:g} m/s², got {most:g}")
+    if not most <= model.specific_thrust_max * (1.0 + 1e-9):
+        raise ValueError(
+            f"specific_thrust_max must be at most the plant's {model.specific_thrust_max:g} m/s², got {most:g}"
+        )
 
 
 def _check_gravity(name: str, value: float, model: FlightModel) -> None:
@@ -228,13 +234,16 @@ def _check_gravity(name: str, value: float, model: FlightModel) -> None:
 def _check_authority(whole, model: FlightModel) -> None:
     """An authority against the plant's numbers."""
     _check_gravity("authority.gravity", whole.gravity, model)
-    _check_numbers({"thrust_min": whole.thrust_min, "thrust_max": whole.thrust_max}, model)
+    _check_numbers(
+        {"specific_thrust_min": whole.specific_thrust_min, "specific_thrust_max": whole.specific_thrust_max},
+        model,
+    )
     own = model.authority
     if own is not None and not (
         whole.snap_max <= own.snap_max * (1 + 1e-9)
         and whole.jerk_max <= own.jerk_max * (1 + 1e-9)
-        and whole.thrust_min >= own.thrust_min * (1 - 1e-9)
-        and whole.thrust_max <= own.thrust_max * (1 + 1e-9)
+        and whole.specific_thrust_min >= own.specific_thrust_min * (1 - 1e-9)
+        and whole.specific_thrust_max <= own.specific_thrust_max * (1 + 1e-9)
     ):
         raise ValueError(f"authority must be within the plant's {own}, got {whole}")
 

@@ -15,13 +15,13 @@ FREE_NUMBERS: Mapping[str, Any] = MappingProxyType(
         "reserve": 3.0,
         "held_snap_max": None,
         "jerk_max": None,
-        "thrust_min": 1.0,
-        "thrust_max": None,
+        "specific_thrust_min": 1.0,
+        "specific_thrust_max": None,
         "gravity": 9.81,
     }
 )
 # What method "cbf" has no use for.
-SAMPLED_ONLY = ("held_snap_max", "jerk_max", "thrust_min", "thrust_max", "gravity")
+SAMPLED_ONLY = ("held_snap_max", "jerk_max", "specific_thrust_min", "specific_thrust_max", "gravity")
 
 
 def checked_settings(
@@ -70,8 +70,8 @@ def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
         "reserve": _at_least_one("reserve", number["reserve"]),
         "held_snap_max": _optional("held_snap_max", number["held_snap_max"]),
         "jerk_max": _optional("jerk_max", number["jerk_max"]),
-        "thrust_min": non_negative_number("thrust_min", number["thrust_min"]),
-        "thrust_max": _optional("thrust_max", number["thrust_max"]),
+        "specific_thrust_min": non_negative_number("specific_thrust_min", number["specific_thrust_min"]),
+        "specific_thrust_max": _optional("specific_thrust_max", number["specific_thrust_max"]),
         "gravity": positive_number("gravity", number["gravity"]),
         "authority": None,
     }
@@ -81,9 +81,12 @@ def _free_numbers(given: dict[str, float | None]) -> dict[str, Any]:
 
 def _check_hover(found: dict[str, Any]) -> None:
     """Hovering must be within the limits, and a stop no longer a snap than may be flown."""
-    low, hover, high = found["thrust_min"], found["gravity"], found["thrust_max"]
+    low, hover, high = found["specific_thrust_min"], found["gravity"], found["specific_thrust_max"]
     if not low < hover < (hover + 1.0 if high is None else high):
-        raise ValueError(f"thrust_min and thrust_max must enclose gravity {hover:g}, got {low:g} and {high}")
+        raise ValueError(
+            f"specific_thrust_min and specific_thrust_max must enclose gravity {hover:g}, "
+            f"got {low:g} and {high}"
+        )
     stop, held = found["snap_max"] * found["reserve"], found["held_snap_max"]
     if held is not None and held < stop:
         raise ValueError(f"held_snap_max must be at least snap_max times reserve, {stop:g}, got {held:g}")

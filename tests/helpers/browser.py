@@ -18,12 +18,6 @@ needs_chromium = pytest.mark.skipif(
     CHROMIUM is None, reason="needs Debian's chromium: apt-get install --no-install-recommends chromium"
 )
 
-import pytest
-
-CHROMIUM = shutil.which("chromium")
-needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium")
-
-
 QUIET = [
     "--headless",
     "--no-sandbox",

@@ -20,7 +20,13 @@ from shields.methods.memory import sampled_memory, tube_memory
 from shields.slot.recorder import Recorder
 
 NAME = "QuadSafe/Avoid-v0"
-AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
+AUTHORITY = {
+    "snap_max": 300.0,
+    "jerk_max": 60.0,
+    "specific_thrust_min": 3.0,
+    "specific_thrust_max": 18.0,
+    "gravity": 9.81,
+}
 ERRORS = {"position": 1e-3, "velocity": 1e-2, "gain": 0.01, "delay": 1, "losses": True}
 SHIELDS = {
     "sampled": {},
@@ -319,7 +325,7 @@ def test_wherever_and_however_it_starts_it_is_told_what_can_be_claimed(pose, spo
     state[VELOCITY : VELOCITY + 3], state[ATTITUDE:OMEGA] = velocity, POSES[pose].ravel()
     if pose == "in free fall":
         # A hair above the thrust at which a vehicle counts as crashed.
-        state[THRUST] = 1.001 * plant.params.thrust_min
+        state[THRUST] = 1.001 * plant.params.specific_thrust_min
     plant.state = state
     is_inside, over = spot in ("inside", "at the centre"), False
     for step in range(12):

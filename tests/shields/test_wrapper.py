@@ -15,6 +15,7 @@ from gymnasium.vector.utils import batch_space
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.shapes import Obstacles
+from quadsafe_env.vehicle.actions import INTERFACES
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.slot.info import shield_in
 
@@ -439,7 +440,7 @@ def test_a_filter_that_never_intervenes_changes_no_bit():
 
 
 @pytest.mark.interpreted
-@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+@pytest.mark.parametrize("action", INTERFACES)
 def test_every_action_interface_is_shielded(action):
     env = ShieldWrapper(gymnasium.make(AVOID, action=action))
     env.reset(seed=0)

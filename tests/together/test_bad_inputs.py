@@ -4,11 +4,13 @@ What a constructor has no shape or scale for is not in its row; the counter-case
 """
 
 import inspect
+import math
 import re
 
 import gymnasium
 import pytest
 
+import agents
 import quadsafe
 from quadsafe import (
     Authority,
@@ -21,6 +23,7 @@ from quadsafe import (
     Hull,
     Obstacles,
     QuadrotorEnv,
+    QuadrotorParams,
     QuadrotorVectorEnv,
     Shield,
     ShieldWrapper,
@@ -64,7 +67,10 @@ CONSTRUCTORS = {
         {},
         {
             **WRAPPER,
-            "scale": ({"thrust_max": 0.02}, "thrust_min and thrust_max must enclose gravity 9.81, got"),
+            "scale": (
+                {"specific_thrust_max": 0.02},
+                "specific_thrust_min and specific_thrust_max must enclose gravity 9.81, got",
+            ),
             "sign": ({"snap_max": -200.0}, "snap_max must be a finite number > 0, got -200.0"),
             "name": ({"snapmax": 1.0}, "Shield must get keywords among 'method', 'snap_max', "),
             "unused": (
@@ -80,14 +86,25 @@ CONSTRUCTORS = {
     "VectorShieldWrapper": (wrapped_rows, {}, WRAPPER),
     "Authority": (
         Authority,
-        {"snap_max": 380.0, "jerk_max": 44.0, "thrust_min": 5.2, "thrust_max": 20.0, "gravity": 9.81},
+        {
+            "snap_max": 380.0,
+            "jerk_max": 44.0,
+            "specific_thrust_min": 5.2,
+            "specific_thrust_max": 20.0,
+            "gravity": 9.81,
+        },
         {
             "type": ({"snap_max": "380"}, "authority.snap_max must be a finite number > 0, got '380'"),
             "shape": ({"jerk_max": [44.0]}, "authority.jerk_max must be a finite number > 0, got [44.0]"),
             # Newtons of a small vehicle in place of m/s².
-            "scale": ({"thrust_max": 0.6}, "authority must have thrust_min < gravity < thrust_max, got"),
+            "scale": (
+                {"specific_thrust_max": 0.6},
+                "authority must have specific_thrust_min < gravity < specific_thrust_max, got",
+            ),
             "sign": ({"jerk_max": -44.0}, "authority.jerk_max must be a finite number > 0, got -44.0"),
             "name": ({"jerkmax": 44.0}, "argument 'jerkmax'; did you mean 'jerk_max'?"),
+            # Of a vehicle, N.
+            "old name": ({"thrust_max": 20.0}, "'thrust_max'; did you mean 'specific_thrust_max'?"),
         },
     ),
     "Uncertainty": (
@@ -110,6 +127,24 @@ CONSTRUCTORS = {
             "scale": ({"loss": 10}, "loss must be in [0, 1], got 10"),
             "sign": ({"drag": -0.1}, "drag must be a finite number >= 0, got -0.1"),
             "name": ({"turbulance": 1.0}, "argument 'turbulance'; did you mean 'turbulence'?"),
+        },
+    ),
+    "QuadrotorParams": (
+        QuadrotorParams.from_airframe,
+        {"mass": 1.2, "arm": 0.2, "motor_thrust_max": 7.0},
+        {
+            "type": ({"mass": "1.2"}, "mass must be a finite number > 0, got '1.2'"),
+            "shape": ({"inertia": [0.1, 0.1]}, "inertia must have shape (…, 3), got (2,)"),
+            "not finite": ({"arm": math.nan}, "arm must be a finite number > 0, got nan"),
+            "sign": ({"mass": -1.2}, "mass must be a finite number > 0, got -1.2"),
+            # Grams, millimetres, millinewtons, and grams of thrust.
+            "scale": ({"mass": 1200.0}, "thrust_min and thrust_max must enclose the hover thrust 11772 N, got"),
+            "scale of arm": ({"arm": 200.0}, "mass and arm must be in kg and m, with mass / arm³ from 10 to"),
+            "scale of thrust": ({"motor_thrust_max": 7000.0}, "thrust_max must be in N, at most 30 times the"),
+            "grams of thrust": ({"motor_thrust_max": 714.0}, "thrust_max must be in N, at most 30 times the"),
+            "scale of propeller": ({"propeller_radius": 127.0}, "must be in m, at most 3 times arm 0.2 m, got"),
+            "scale of moment": ({"moment_ratio": 16.0}, "must be in m, at most arm 0.2 m, got 16"),
+            "scale of inertia": ({"inertia": [12e3, 12e3, 24e3]}, "inertia about x must fit mass 1.2 kg and"),
         },
     ),
     "QuadrotorEnv": (
@@ -236,7 +271,8 @@ MISTAKES = [(name, kind) for name, (_, _, mistakes) in CONSTRUCTORS.items() for 
 def test_a_mistake_gets_one_sentence(name, kind):
     make, good, mistakes = CONSTRUCTORS[name]
     wrong, sentence = mistakes[kind]
-    with pytest.raises((TypeError, ValueError), match=re.escape(sentence)) as caught:
+    # Warnings are errors here: units that are hardly meant are flown, with a warning.
+    with pytest.raises((TypeError, ValueError, UserWarning), match=re.escape(sentence)) as caught:
         make(**(good | wrong))
     assert "\n" not in str(caught.value)
 
@@ -249,9 +285,8 @@ def test_the_good_arguments_are_taken(name):
 
 def test_every_public_class_has_its_row():
     classes = {name for name in quadsafe.__all__ if inspect.isclass(getattr(quadsafe, name))}
-    # A list of what a file holds; parameters are checked where a vehicle is made of them, in QuadrotorEnv; for
-    # an airframe see tests/quadsafe_env/vehicle/test_params.py.
-    assert classes - {"Map", "QuadrotorParams", "Airframe"} == set(CONSTRUCTORS)
+    # A list of what a file holds; an airframe is checked like the vehicle that is made of one.
+    assert classes - {"Map", "Airframe"} == set(CONSTRUCTORS)
 
 
 @pytest.mark.parametrize("env", [None, NAME, 3])
@@ -266,6 +301,13 @@ def test_each_wrapper_names_the_other_one():
         ShieldWrapper(gymnasium.make_vec(NAME, 2))  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r"; ShieldWrapper takes single ones$"):
         VectorShieldWrapper(gymnasium.make(NAME))  # type: ignore[arg-type]
+
+
+def test_an_evaluation_and_a_film_name_what_does_not_fit():
+    with pytest.raises(TypeError, match=r"^shield must be None or a mapping of settings, got 3$"):
+        agents.evaluate(lambda observation: observation[:4], scenes=1, shield=3)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^path must be the path of a video, got 3$"):
+        agents.film(gymnasium.make(NAME), lambda observation: observation[:4], 3)  # type: ignore[arg-type]
 
 
 def test_a_run_is_a_path():

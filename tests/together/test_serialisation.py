@@ -19,7 +19,9 @@ from quadsafe_env.settings import build_world
 from quadsafe_env.vehicle.params import PRESETS
 from shields import Authority, ShieldWrapper, Uncertainty, VectorShieldWrapper
 
-LIMITS = Authority(snap_max=340.0, jerk_max=44.0, thrust_min=5.2, thrust_max=20.0, gravity=9.81)
+LIMITS = Authority(
+    snap_max=340.0, jerk_max=44.0, specific_thrust_min=5.2, specific_thrust_max=20.0, gravity=9.81
+)
 SPHERES = [[0.5, 0.0, 0.2, 0.4], [-0.5, 0.5, 0.0, 0.2]]
 TURN = Rotation.from_euler("z", 0.5)
 MAPPING = {

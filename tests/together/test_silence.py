@@ -25,7 +25,9 @@ from shields.interface.arguments import LONGEST_PERIOD
 NAME = "QuadSafe/Avoid-v0"
 TEXT, TRUTH = np.array(["0", "0", "1"]), np.ones(3, dtype=bool)
 HOVER = hover_state([0.0, 0.0, 0.0], "crazyflie")
-LIMITS = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.2, thrust_max=20.0, gravity=9.81)
+LIMITS = Authority(
+    snap_max=380.0, jerk_max=44.0, specific_thrust_min=5.2, specific_thrust_max=20.0, gravity=9.81
+)
 BOX, BRAKING = BoxSet([-1.0] * 3, [1.0] * 3, u_min=-1.0, u_max=1.0), BrakingSet(0.0, 1.0, 1.0, -1.0, 1.0)
 NO_NUMBERS = "must be an array of real numbers, got "
 
@@ -227,7 +229,7 @@ REFUSED = {
     ),
     "Authority, the band": (
         lambda: Authority(380, 44, 12, 20, 9.81),
-        "authority must have thrust_min < gravity < thrust_max, got 12, 9.81 and 20",
+        "authority must have specific_thrust_min < gravity < specific_thrust_max, got 12, 9.81 and 20",
     ),
     "Authority, replaced": (
         lambda: LIMITS._replace(jerk_max=math.inf),
@@ -366,7 +368,7 @@ def test_named_tuples_are_complete_and_plain_however_they_are_made():
 
 
 def test_a_kernel_takes_a_checked_tuple():
-    assert acceleration_along(1.0, LIMITS) == pytest.approx(LIMITS.thrust_max - LIMITS.gravity)
+    assert acceleration_along(1.0, LIMITS) == pytest.approx(LIMITS.specific_thrust_max - LIMITS.gravity)
 
 
 def test_what_is_of_use_is_still_taken():

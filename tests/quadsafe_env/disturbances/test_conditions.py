@@ -26,7 +26,7 @@ CRAZYFLIE = PRESETS["crazyflie"]
 PERIOD = 0.01
 # Every condition at once, mild enough to fly on.
 EVERYTHING = Conditions(**{name: 0.05 for name in Conditions._fields} | {"delay": 2, "impulse_rate": 2.0})
-ACTIONS = ("velocity", "snap", "wrench")
+ACTIONS = ("velocity", "snap", "wrench", "rates", "attitude")
 
 
 def vector(n, conditions=None, **keywords):

@@ -56,9 +56,11 @@ def rotors_asked(states, snaps, yaw_acceleration, params):
 
 def attack(params, limits, yaw, rng, count):
     """Random flights inside the box, with most quantities at their bounds."""
-    thrust = limits.thrust_min + (limits.thrust_max - limits.thrust_min) * rng.integers(0, 2, count)
+    thrust = limits.specific_thrust_min + (
+        limits.specific_thrust_max - limits.specific_thrust_min
+    ) * rng.integers(0, 2, count)
     inside = rng.uniform(size=count) < 0.3
-    thrust[inside] = rng.uniform(limits.thrust_min, limits.thrust_max, inside.sum())
+    thrust[inside] = rng.uniform(limits.specific_thrust_min, limits.specific_thrust_max, inside.sum())
     jerk = limits.jerk_max * pushed_to_the_edge(rng, count)[:, np.newaxis] * on_sphere(rng, count)
     snap = limits.snap_max * pushed_to_the_edge(rng, count)[:, np.newaxis] * on_sphere(rng, count)
     level = rng.uniform(size=count) < 0.5
@@ -102,8 +104,8 @@ def test_no_rotor_leaves_its_range_inside_the_box(name, share):
     flat = flat_state(states, params)
     thrust = np.linalg.norm(flat[:, 2] + [0.0, 0.0, params.gravity], axis=1)
     # The attack keeps to the box, to rounding.
-    assert thrust.min() >= limits.thrust_min * (1 - 1e-12)
-    assert thrust.max() <= limits.thrust_max * (1 + 1e-12)
+    assert thrust.min() >= limits.specific_thrust_min * (1 - 1e-12)
+    assert thrust.max() <= limits.specific_thrust_max * (1 + 1e-12)
     assert np.linalg.norm(flat[:, 3], axis=1).max() <= limits.jerk_max * (1 + 1e-12)
     assert np.linalg.norm(snaps, axis=1).max() == pytest.approx(limits.snap_max, rel=1e-12)
     rotors = rotors_asked(states, snaps, spin, params) / (params.thrust_max / 4)
@@ -117,7 +119,7 @@ def test_no_rotor_leaves_its_range_inside_the_box(name, share):
 @pytest.mark.interpreted
 @pytest.mark.parametrize("name", ["crazyflie", "hummingbird", "racer", "x500_light"])  # strong, with J_x = J_y
 def test_worst_flight_empties_a_rotor_and_no_more(name):
-    params, low = PRESETS[name], authority(name).thrust_min
+    params, low = PRESETS[name], authority(name).specific_thrust_min
     full = params.thrust_max / 4
     # 1e-9 of the steering thrust is left against rounding.
     assert 0.0 <= worst_rotors(params, low, 1.0, 1.0).min() / full < 1e-8
@@ -127,7 +129,7 @@ def test_worst_flight_empties_a_rotor_and_no_more(name):
 
 @pytest.mark.interpreted
 def test_worst_flight_at_the_top_of_the_band_fills_a_rotor_and_no_more():
-    top, full = authority(CRAZYFLIE).thrust_max, CRAZYFLIE.thrust_max / 4
+    top, full = authority(CRAZYFLIE).specific_thrust_max, CRAZYFLIE.thrust_max / 4
     assert 1.0 - 1e-8 < worst_rotors(CRAZYFLIE, top, 1.0, -1.0).max() / full <= 1.0
     assert worst_rotors(CRAZYFLIE, top, 1.001, -1.0).max() > full
 
@@ -154,14 +156,14 @@ def test_steering_thrust_bounds_the_torques(name):
 def test_band_holds_hover_and_ends_where_the_steering_thrust_is_spent(name):
     params = VEHICLES[name]
     limits, yaw = authority(params), yaw_range(params)
-    assert params.thrust_min / params.mass < limits.thrust_min < params.gravity == limits.gravity
-    assert params.gravity < limits.thrust_max < params.thrust_max / params.mass
+    assert params.thrust_min / params.mass < limits.specific_thrust_min < params.gravity == limits.gravity
+    assert params.gravity < limits.specific_thrust_max < params.thrust_max / params.mass
     # At least the unshared half of the way from hover to full thrust.
-    assert limits.thrust_max >= 0.5 * (params.gravity + params.thrust_max / params.mass)
-    spent = steering_thrust(limits.thrust_max, limits.snap_max, limits.jerk_max, yaw, params)
-    room = params.thrust_max - params.mass * limits.thrust_max
+    assert limits.specific_thrust_max >= 0.5 * (params.gravity + params.thrust_max / params.mass)
+    spent = steering_thrust(limits.specific_thrust_max, limits.snap_max, limits.jerk_max, yaw, params)
+    room = params.thrust_max - params.mass * limits.specific_thrust_max
     assert spent == pytest.approx(room, rel=1e-6)
-    for thrust in np.linspace(limits.thrust_min, limits.thrust_max, 50):
+    for thrust in np.linspace(limits.specific_thrust_min, limits.specific_thrust_max, 50):
         lift = params.mass * thrust
         spent = steering_thrust(thrust, limits.snap_max, limits.jerk_max, yaw, params)
         assert spent <= min(lift, params.thrust_max - lift)
@@ -172,7 +174,7 @@ def test_crazyflie_has_these_numbers():
     limits = authority("crazyflie")
     assert all(type(number) is float for number in limits)
     np.testing.assert_allclose(limits, (380.6, 44.28, 5.150, 20.16, 9.81), rtol=5e-4)
-    assert limits.jerk_max / limits.thrust_min == pytest.approx(8.60, abs=0.01)
+    assert limits.jerk_max / limits.specific_thrust_min == pytest.approx(8.60, abs=0.01)
     # The velocity interface never asks for more yaw: 10 rad/s, held for 10 ms, on a change from −2 to 2 rad/s.
     assert yaw_range("crazyflie").acceleration > 4.0 * (1 - np.exp(-0.1)) / 0.01
 
@@ -186,7 +188,7 @@ def test_more_share_gives_more_snap_and_less_acceleration():
 @pytest.mark.interpreted
 def test_slower_body_rates_leave_more_snap():
     free, slow = authority("crazyflie"), authority("crazyflie", body_rate_max=5.0)
-    assert slow.jerk_max == pytest.approx(5.0 * slow.thrust_min, rel=1e-15)
+    assert slow.jerk_max == pytest.approx(5.0 * slow.specific_thrust_min, rel=1e-15)
     assert slow.snap_max > free.snap_max
     assert authority("crazyflie", body_rate_max=9.0) == free
 
@@ -211,7 +213,7 @@ def farthest(limits, n):
     """Farthest λ by walking: acceleration λ n within the band all the way."""
     walk = np.arange(0.0, 60.0, 1e-3)
     thrust = np.linalg.norm(walk[:, np.newaxis] * n + [0.0, 0.0, limits.gravity], axis=1)
-    inside = (thrust >= limits.thrust_min) & (thrust <= limits.thrust_max)
+    inside = (thrust >= limits.specific_thrust_min) & (thrust <= limits.specific_thrust_max)
     return walk[np.argmin(inside)]
 
 
@@ -220,7 +222,7 @@ def test_acceleration_along_a_direction_is_where_the_band_is_left():
     directions = on_sphere(rng, 300)
     along = limits.acceleration_along(directions)
     # The edge of the downward cone, where the walk only grazes the lower end, is left out.
-    edge = -np.sqrt(1.0 - (limits.thrust_min / limits.gravity) ** 2)
+    edge = -np.sqrt(1.0 - (limits.specific_thrust_min / limits.gravity) ** 2)
     grazes = np.abs(directions[:, 2] - edge) < 1e-3
     for n, value in zip(directions[~grazes], along[~grazes], strict=True):
         assert farthest(limits, n) == pytest.approx(value, abs=1.1e-3)
@@ -231,9 +233,9 @@ def test_acceleration_along_a_direction_is_where_the_band_is_left():
 def test_acceleration_up_down_and_level():
     limits = authority("racer")
     up, down, level = limits.acceleration_along([[0, 0, 2], [0, 0, -1], [0, 3, 0]])
-    assert up == pytest.approx(limits.thrust_max - limits.gravity, rel=1e-12)
-    assert down == pytest.approx(limits.gravity - limits.thrust_min, rel=1e-12)
-    assert level == pytest.approx(np.sqrt(limits.thrust_max**2 - limits.gravity**2), rel=1e-12)
+    assert up == pytest.approx(limits.specific_thrust_max - limits.gravity, rel=1e-12)
+    assert down == pytest.approx(limits.gravity - limits.specific_thrust_min, rel=1e-12)
+    assert level == pytest.approx(np.sqrt(limits.specific_thrust_max**2 - limits.gravity**2), rel=1e-12)
     assert limits.acceleration_along([0.0, 0.0, 1.0]).shape == ()
 
 

@@ -6,6 +6,7 @@ import pytest
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.kernels.jit import kernel
+from quadsafe_env.vehicle.actions import INTERFACES
 from quadsafe_env.vehicle.flatness import flat_from_state, snap_from_wrench_kernel, wrench_from_snap_kernel
 from quadsafe_env.vehicle.inner_loop import crackle, held_wrench
 from quadsafe_env.vehicle.inner_loop_error import Flight, snap_error
@@ -183,7 +184,7 @@ def numbers_at(physics, control, params):
     )
     settings = ShieldWrapper(env).shield.settings
     kept = env.unwrapped._world.yaw_hold_at(1.0 / physics).range
-    flight = Flight(settings["held_snap_max"], settings["jerk_max"], settings["thrust_min"], kept)
+    flight = Flight(settings["held_snap_max"], settings["jerk_max"], settings["specific_thrust_min"], kept)
     return flight, settings["uncertainty"]["snap"]
 
 
@@ -368,7 +369,7 @@ CONDITIONS = [{}, {"delay": 3, "loss": 0.5}, {"jitter": 0.4}, {"inertia_error": 
 
 @pytest.mark.parametrize("limits", [False, True])
 @pytest.mark.parametrize("conditions", CONDITIONS, ids=str)
-@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+@pytest.mark.parametrize("action", INTERFACES)
 def test_every_interface_keeps_the_yaw_rate(action, conditions, limits):
     env = gymnasium.make_vec(
         "QuadSafe/Avoid-v0", 8, action=action, conditions=conditions or None, obstacles=[], rotor_limits=limits
@@ -386,7 +387,7 @@ MEETS_ALL = {"delay": 2, "loss": 0.3, "jitter": 0.3, "inertia_error": 0.2}
 
 @pytest.mark.parametrize("vehicle", ["crazyflie", "unequal"])
 @pytest.mark.parametrize("conditions", [None, MEETS_ALL], ids=["off", "all"])
-@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+@pytest.mark.parametrize("action", INTERFACES)
 def test_a_single_env_keeps_the_yaw_rate_for_twenty_seconds(action, conditions, vehicle):
     env = gymnasium.make(
         "QuadSafe/Avoid-v0", action=action, conditions=conditions, obstacles=[], params=VEHICLES[vehicle]

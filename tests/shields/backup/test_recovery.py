@@ -16,7 +16,13 @@ from shields.backup.stored_stop import NOTHING
 from shields.chains.flat_state import Flat, flown
 from shields.interface.records import MovingBodies
 
-AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
+AUTHORITY = {
+    "snap_max": 300.0,
+    "jerk_max": 60.0,
+    "specific_thrust_min": 3.0,
+    "specific_thrust_max": 18.0,
+    "gravity": 9.81,
+}
 SHIELDS = {"free": {}, "told": {"uncertainty": {"snap": 50.0}}, "authority": {"authority": AUTHORITY}}
 # Where the vehicle is at rest, centres, radii, and how long the way out is at most.
 PLACES = {

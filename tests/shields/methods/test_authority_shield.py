@@ -24,7 +24,9 @@ from shields.methods.authority_limits import limit_demand
 from shields.methods.flight_bounds import RESERVED
 from shields.methods.halfspace import Sampling, demand_along
 
-LIMITS = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20.0, gravity=9.81)
+LIMITS = Authority(
+    snap_max=380.0, jerk_max=44.0, specific_thrust_min=5.0, specific_thrust_max=20.0, gravity=9.81
+)
 TABLE = LIMITS._asdict()
 PERIOD, ROWS = 0.02, 64
 UP = np.array([0.0, 0.0, LIMITS.gravity])
@@ -73,15 +75,15 @@ def test_under_attack_every_snap_jerk_and_thrust_is_within_the_authority():
     # A stored stop is held by feedback; on the bare chain it has nothing to correct but rounding.
     kept = LIMITS.less(RESERVED)
     assert np.linalg.norm(states[..., 3, :], axis=-1).max() <= kept.jerk_max * (1 + 1e-9)
-    assert thrust(states).min() >= kept.thrust_min * (1 - 1e-9)
-    assert thrust(states).max() <= kept.thrust_max * (1 + 1e-9)
+    assert thrust(states).min() >= kept.specific_thrust_min * (1 - 1e-9)
+    assert thrust(states).max() <= kept.specific_thrust_max * (1 + 1e-9)
 
 
 def test_with_free_numbers_the_same_attack_leaves_it():
     states, snaps, _ = fly(Shield(snap_max=380.0, reserve=1.0), np.random.default_rng(0), 1.0)
     assert np.linalg.norm(snaps, axis=-1).max() > 2 * LIMITS.snap_max
     assert np.linalg.norm(states[..., 3, :], axis=-1).max() > 2 * LIMITS.jerk_max
-    assert thrust(states).min() < LIMITS.thrust_min < LIMITS.thrust_max < thrust(states).max()
+    assert thrust(states).min() < LIMITS.specific_thrust_min < LIMITS.specific_thrust_max < thrust(states).max()
 
 
 @pytest.mark.interpreted
@@ -112,9 +114,9 @@ def test_acceleration_along_is_where_the_ray_leaves_the_band(seed):
     n /= np.linalg.norm(n)
     reach = acceleration_along(n[2], LIMITS)
     on_ray = np.linalg.norm(np.linspace(0, reach * (1 - 1e-9), 200)[:, None] * n + UP, axis=1)
-    assert on_ray.min() >= LIMITS.thrust_min and on_ray.max() <= LIMITS.thrust_max
+    assert on_ray.min() >= LIMITS.specific_thrust_min and on_ray.max() <= LIMITS.specific_thrust_max
     beyond = np.linalg.norm(reach * (1 + 1e-6) * n + UP)
-    assert not LIMITS.thrust_min <= beyond <= LIMITS.thrust_max
+    assert not LIMITS.specific_thrust_min <= beyond <= LIMITS.specific_thrust_max
 
 
 @pytest.mark.interpreted
@@ -158,9 +160,9 @@ def test_a_limit_asks_for_nothing_inside_and_holds_when_flown_against_it(limit):
         now = np.array(x)
         assert np.linalg.norm(now[3]) <= LIMITS.jerk_max * (1 + 1e-9)
         if limit == 1:
-            assert thrust(now) <= LIMITS.thrust_max * (1 + 1e-9)
+            assert thrust(now) <= LIMITS.specific_thrust_max * (1 + 1e-9)
         if limit == 2:
-            assert thrust(now) >= LIMITS.thrust_min * (1 - 1e-9)
+            assert thrust(now) >= LIMITS.specific_thrust_min * (1 - 1e-9)
     assert acted > 100
 
 
@@ -169,11 +171,11 @@ def test_a_vehicle_beyond_its_authority_is_brought_back():
     flat = np.zeros((4, 3))
     flat[2], flat[3] = [0.0, 0.0, 14.0], [50.0, 0.0, 0.0]
     shield, reached = Shield(authority=LIMITS), False
-    assert thrust(flat) > LIMITS.thrust_max and np.linalg.norm(flat[3]) > LIMITS.jerk_max
+    assert thrust(flat) > LIMITS.specific_thrust_max and np.linalg.norm(flat[3]) > LIMITS.jerk_max
     for _ in range(200):
         answer = shield.filter(flat, Obstacles.spheres([[0.0, 0.0, 300.0]], [1.0]), [0.0, 0.0, 0.0], PERIOD)
         flat = after(flat, answer.snap, PERIOD)
-        is_in = thrust(flat) <= LIMITS.thrust_max and np.linalg.norm(flat[3]) <= LIMITS.jerk_max
+        is_in = thrust(flat) <= LIMITS.specific_thrust_max and np.linalg.norm(flat[3]) <= LIMITS.jerk_max
         assert is_in or not reached
         reached |= is_in
     assert reached and answer.certified
@@ -214,7 +216,10 @@ def test_authority_comes_as_a_mapping_too_and_survives_json():
         ({"authority": TABLE, "gravity": 9.81}, "gravity must be left out"),
         ({"authority": TABLE, "method": "cbf"}, "authority needs method 'sampled', got 'cbf'"),
         ({"authority": TABLE | {"jerk_max": -1.0}}, "authority.jerk_max must be a finite number > 0"),
-        ({"authority": TABLE | {"thrust_min": 12.0}}, "thrust_min < gravity < thrust_max"),
+        (
+            {"authority": TABLE | {"specific_thrust_min": 12.0}},
+            "specific_thrust_min < gravity < specific_thrust_max",
+        ),
     ],
 )
 def test_bad_authorities_are_named(changed, message):

@@ -127,7 +127,15 @@ def test_no_moving_body_catches_a_vehicle_under_attack(name):
     [
         {},
         {"uncertainty": {"snap": 15.0}},
-        {"authority": {"snap_max": 300, "jerk_max": 60, "thrust_min": 3, "thrust_max": 18, "gravity": 9.81}},
+        {
+            "authority": {
+                "snap_max": 300,
+                "jerk_max": 60,
+                "specific_thrust_min": 3,
+                "specific_thrust_max": 18,
+                "gravity": 9.81,
+            }
+        },
         {"max_closing_speed": 2.0, "max_closing_acceleration": 8.0, "max_closing_jerk": 60.0},
     ],
     ids=["free", "tube", "authority", "closing"],

@@ -27,7 +27,13 @@ from shields.methods.easing import (
 from shields.methods.halfspace import Sampling, demand_along
 
 U_MAX, MARGIN = 200.0, 0.005
-AUTHORITY = {"snap_max": 300.0, "jerk_max": 60.0, "thrust_min": 3.0, "thrust_max": 18.0, "gravity": 9.81}
+AUTHORITY = {
+    "snap_max": 300.0,
+    "jerk_max": 60.0,
+    "specific_thrust_min": 3.0,
+    "specific_thrust_max": 18.0,
+    "gravity": 9.81,
+}
 SHIELDS = {"free": {}, "told": {"uncertainty": {"snap": 50.0}}, "authority": {"authority": AUTHORITY}}
 
 

@@ -51,7 +51,9 @@ from shields.methods.sampled_shield import TRACKING_POLE
 
 PERIOD, GRAVITY = 0.02, 9.81
 HOVER = Flat(*[(0.0, 0.0, 0.0)] * 4)
-VEHICLE = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.0, thrust_max=20.0, gravity=GRAVITY)
+VEHICLE = Authority(
+    snap_max=380.0, jerk_max=44.0, specific_thrust_min=5.0, specific_thrust_max=20.0, gravity=GRAVITY
+)
 
 
 def settings_of(**given):
@@ -84,7 +86,7 @@ def row_of(*chosen):
 
 @pytest.mark.interpreted
 def test_free_settings_arrive_where_they_are_read():
-    found = settings_of(snap_max=50.0, reserve=4.0, alpha=3.0, margin=0.1, thrust_min=2.0, gravity=9.0)
+    found = settings_of(snap_max=50.0, reserve=4.0, alpha=3.0, margin=0.1, specific_thrust_min=2.0, gravity=9.0)
     assert found.sampling[:5] == (50.0, pytest.approx(1.0 - math.exp(-3.0 * PERIOD)), 200.0, PERIOD, None)
     left = pytest.approx(1.0 - math.exp(-POLE * PERIOD))
     assert found.sampling.easing == (tuple(held_gains(4, POLE, PERIOD)), left, pytest.approx(1.075 / 1.1))
@@ -101,7 +103,7 @@ def test_an_authority_arrives_with_a_reserve_for_the_feedback():
     found, kept = settings_of(authority=VEHICLE), VEHICLE.less(RESERVED)
     assert found.sampling[0] == kept.snap_max and found.sampling[2] == VEHICLE.snap_max
     assert found.sampling.authority == kept and not found.is_free
-    band = ThrustBand(kept.thrust_min, kept.thrust_max, GRAVITY)
+    band = ThrustBand(kept.specific_thrust_min, kept.specific_thrust_max, GRAVITY)
     assert found.flight.limits == FlightLimits(VEHICLE.snap_max, kept.snap_max, kept.jerk_max, band)
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import quadsafe_env  # noqa: F401
 from quadsafe_core.shapes import Obstacles
+from quadsafe_env.vehicle.actions import INTERFACES
 from quadsafe_env.vehicle.params import PRESETS
 from shields import Authority, Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.slot.recorder import Recorder
@@ -61,7 +62,7 @@ VEHICLES = {
 }
 
 
-@pytest.mark.parametrize("action", ["velocity", "snap", "wrench"])
+@pytest.mark.parametrize("action", INTERFACES)
 @pytest.mark.parametrize("vehicle", VEHICLES)
 def test_every_vehicle_keeps_clear_certified_and_as_predicted_while_it_spins(vehicle, action):
     env = rows(params=VEHICLES[vehicle], action=action)
@@ -80,10 +81,10 @@ def test_told_by_hand_of_another_gravity_a_shield_crashes_its_vehicle():
 
 def test_numbers_come_from_the_plant():
     settings = shielded(params={"gravity": 1.62, "thrust_min": 0.01}).shield.settings
-    assert settings["gravity"] == 1.62 and 0.01 / 0.027 < settings["thrust_min"] < 1.62
-    assert settings["thrust_max"] == PRESETS["crazyflie"].thrust_max / 0.027
+    assert settings["gravity"] == 1.62 and 0.01 / 0.027 < settings["specific_thrust_min"] < 1.62
+    assert settings["specific_thrust_max"] == PRESETS["crazyflie"].thrust_max / 0.027
     model = gymnasium.make(AVOID, params={"gravity": 1.62, "thrust_min": 0.01}).unwrapped.flight_model
-    numbers = (settings["held_snap_max"], settings["jerk_max"], settings["thrust_min"], 500)
+    numbers = (settings["held_snap_max"], settings["jerk_max"], settings["specific_thrust_min"], 500)
     assert settings["uncertainty"]["snap"] == model.snap_error(*numbers)
     limited = gymnasium.make(AVOID, rotor_limits=True)
     assert ShieldWrapper(limited).shield.settings["authority"] == limited.unwrapped.authority()._asdict()
@@ -99,10 +100,14 @@ def test_numbers_come_from_the_plant():
         ),
         (
             {"params": {"thrust_min": 0.05}},
-            {"thrust_min": 1.0},
-            r"thrust_min must be above 1\.85185 m/s².*got 1",
+            {"specific_thrust_min": 1.0},
+            r"specific_thrust_min must be above 1\.85185 m/s².*got 1",
         ),
-        ({}, {"thrust_max": 30.0}, r"thrust_max must be at most the plant's 22\.0725 m/s², got 30"),
+        (
+            {},
+            {"specific_thrust_max": 30.0},
+            r"specific_thrust_max must be at most the plant's 22\.0725 m/s², got 30",
+        ),
         (
             {},
             {"snap_max": 1e6},

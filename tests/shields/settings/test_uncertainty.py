@@ -25,7 +25,9 @@ from shields.settings.uncertainty import (
 )
 
 LIMITS = FlightLimits(600.0, 600.0, np.inf, ThrustBand(1.0, np.inf, 9.81))
-VEHICLE = Authority(snap_max=380.0, jerk_max=44.0, thrust_min=5.2, thrust_max=20.0, gravity=9.81)
+VEHICLE = Authority(
+    snap_max=380.0, jerk_max=44.0, specific_thrust_min=5.2, specific_thrust_max=20.0, gravity=9.81
+)
 ALL = Uncertainty(0.003, 0.01, 0.05, 0.3, 5.0, 0.02, 0.1, 1, True)
 KINDS = {
     "estimate": Uncertainty(position=0.01, velocity=0.03, acceleration=0.1, jerk=0.5),
@@ -162,7 +164,7 @@ def test_within_an_authority_the_vehicle_keeps_to_it_despite_the_errors():
         assert np.linalg.norm(answer.snap, axis=1).max() <= VEHICLE.snap_max * (1 + 1e-12)
         x = moved(x, answer.snap + bounds.snap * signs[:, 4], period)
         thrust = np.linalg.norm(x[:, 2] + up, axis=1)
-        assert VEHICLE.thrust_min <= thrust.min() and thrust.max() <= VEHICLE.thrust_max
+        assert VEHICLE.specific_thrust_min <= thrust.min() and thrust.max() <= VEHICLE.specific_thrust_max
         assert np.linalg.norm(x[:, 3], axis=1).max() <= VEHICLE.jerk_max
         assert np.linalg.norm(x[:, 0], axis=1).min() >= 0.5
 
