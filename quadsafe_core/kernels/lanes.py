@@ -187,3 +187,15 @@ def from_lanes(block, at, rows, width, first, count):
         for i in range(U(count)):
             for k in range(U(width)):
                 rows[U(width) * (U(first) + i) + k] = block[U(LANES) * (U(at) + k) + i]
+
+
+@inline_kernel
+def lane_triple(block, at):
+    """Three entries of a lane, from the place ``at`` on."""
+    return (block[at], block[at + U(LANES)], block[at + U(2 * LANES)])
+
+
+@inline_kernel
+def store_triple(block, at, triple):
+    """Write three entries of a lane, from the place ``at`` on."""
+    block[at], block[at + U(LANES)], block[at + U(2 * LANES)] = triple

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, new_block
+from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block
 from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.kernels.vec3 import add
 from quadsafe_core.maths.counter_rng import uniform
@@ -53,7 +53,7 @@ from quadsafe_env.tasks.reward import held_time
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_step
-from quadsafe_env.vehicle.state import THRUST, lane_state, lane_triple, store_lane
+from quadsafe_env.vehicle.state import THRUST, lane_state, store_lane
 
 
 class DisturbedPlant(NamedTuple):

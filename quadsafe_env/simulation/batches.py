@@ -7,7 +7,7 @@ and ``quadsafe_env.tasks.scene_columns.Scenes`` have fields, shapes and units. `
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, lane_triple, new_block
 from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.maths.counter_rng import Key, derived_key
 from quadsafe_env.simulation.block import (
@@ -38,7 +38,7 @@ from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import distance_to
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
 from quadsafe_env.tasks.scene_columns import columns_in
-from quadsafe_env.vehicle.state import ATTITUDE, STATE_SIZE, THRUST, lane_triple
+from quadsafe_env.vehicle.state import ATTITUDE, STATE_SIZE, THRUST
 
 
 @kernel

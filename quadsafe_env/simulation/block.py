@@ -20,13 +20,13 @@ import math
 import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, new_block, wide_vectors
+from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block, store_triple, wide_vectors
 from quadsafe_core.kernels.vec3 import subtract
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE, comes_after, squared_distance
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, own_entries, sphere_entries
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.rotors import limited_step
-from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, lane_triple, store_lane, store_triple
+from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, store_lane
 
 # Lines of the table: numbers of the last policy step, then of the episode, then flags that are 0 or 1.
 REWARD, COST, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(6)

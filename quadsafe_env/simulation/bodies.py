@@ -10,7 +10,7 @@ import numpy as np
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, lane_triple, new_block, store_triple
 from quadsafe_core.kernels.vec3 import norm, vector, write3
 from quadsafe_env.simulation.block import (
     CLEARANCE,
@@ -27,7 +27,7 @@ from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_bodies import Bodies, bodies_in, gap_of, least_gap
 from quadsafe_env.tasks.scene_columns import SceneColumns, columns_in
 from quadsafe_env.tasks.way import go_on, next_opening
-from quadsafe_env.vehicle.state import STATE_SIZE, lane_triple, store_triple
+from quadsafe_env.vehicle.state import STATE_SIZE
 
 # Lines of a lane: the least distance in the period, m, and its steps.
 LEAST, STEPS = 0, 1

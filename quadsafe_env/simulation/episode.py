@@ -8,7 +8,7 @@ Kernels are given what those of ``block`` are; ``rows`` are ``Rows``, and ``scen
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, to_lanes
+from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, lane_triple, to_lanes
 from quadsafe_env.simulation.block import (
     ARRIVES,
     CLEARANCE,
@@ -37,7 +37,7 @@ from quadsafe_env.simulation.block import (
 from quadsafe_env.simulation.rows import FLAGS, OUTCOMES
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.tasks.reward import GOAL_HOLD, reward
-from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE, lane_triple
+from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE
 from quadsafe_env.vehicle.yaw import is_spinning, limited_yaw
 
 IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, IS_SPINNING, TERMINATED = range(8)

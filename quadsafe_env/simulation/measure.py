@@ -9,7 +9,17 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, new_block, to_lanes, wide_vectors
+from quadsafe_core.kernels.lanes import (
+    LANES,
+    I,
+    U,
+    from_lanes,
+    lane_triple,
+    new_block,
+    store_triple,
+    to_lanes,
+    wide_vectors,
+)
 from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_env.simulation.block import (
     ARRIVES,
@@ -27,7 +37,7 @@ from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.vehicle.actions import attitude_law, rates_law, snap_law, velocity_law, wrench_law
 from quadsafe_env.vehicle.flatness import flat_from_state
-from quadsafe_env.vehicle.state import STATE_SIZE, lane_state, lane_triple, store_triple
+from quadsafe_env.vehicle.state import STATE_SIZE, lane_state
 
 # Entries of a lane: state, command, flat state, desired snap and yaw acceleration.
 COMMAND = STATE_SIZE

@@ -37,7 +37,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import finite_array
 from quadsafe_core.kernels.jit import inline_kernel
-from quadsafe_core.kernels.lanes import LANES, U, fused_dot
+from quadsafe_core.kernels.lanes import LANES, U, fused_dot, lane_triple, store_triple
 from quadsafe_env.vehicle.params import QuadrotorParams, params_from
 
 POSITION = 0
@@ -66,24 +66,12 @@ def store(row, s):
 
 
 @inline_kernel
-def lane_triple(block, at):
-    """Three entries of a lane, from the place ``at`` on."""
-    return (block[at], block[at + U(LANES)], block[at + U(2 * LANES)])
-
-
-@inline_kernel
 def lane_state(block, i):
     """Entries 0 to 20 of lane i as a tuple."""
     r, v = lane_triple(block, i), lane_triple(block, i + U(LANES * 3))
     q0, q1 = lane_triple(block, i + U(LANES * 6)), lane_triple(block, i + U(LANES * 9))
     q2, omega = lane_triple(block, i + U(LANES * 12)), lane_triple(block, i + U(LANES * 15))
     return r + v + q0 + q1 + q2 + omega + (block[i + U(LANES * 18)], block[i + U(LANES * 19)])
-
-
-@inline_kernel
-def store_triple(block, at, triple):
-    """Write three entries of a lane, from the place ``at`` on."""
-    block[at], block[at + U(LANES)], block[at + U(2 * LANES)] = triple
 
 
 @inline_kernel

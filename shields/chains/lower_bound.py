@@ -97,8 +97,8 @@ def _stationary(x1, x2, x3, u_max):
 
 
 @inline_kernel
-def _quick_lower4(x1, x2, x3, x4, u_max, bound):
-    """g_4 and t_star; a value of nan where that is not sure."""
+def quick_lower4(x1, x2, x3, x4, u_max, bound):
+    """g_4 and t_star without a branch; a value of nan where that is not sure."""
     t, is_largest, is_sure = _stationary(x1, x2, x3, u_max)
     a, b, c = u_max * (1.0 / 24.0), x1 * (1.0 / 6.0), 0.5 * x2
     rise = (((a * t + b) * t + c) * t + x3) * t
@@ -123,7 +123,7 @@ def lower4(x1, x2, x3, x4, u_max, bound):
     """(8) by Prop. 3: g_4 and t_star."""
     if x1 >= 0.0 and x2 >= 0.0 and x3 >= 0.0:
         return x4 - bound, 0.0
-    value, t_star = _quick_lower4(x1, x2, x3, x4, u_max, bound)
+    value, t_star = quick_lower4(x1, x2, x3, x4, u_max, bound)
     if math.isnan(value):
         return _careful_lower4(x1, x2, x3, x4, u_max, bound)
     return value, t_star
@@ -202,7 +202,7 @@ def lower4_batch(x, u_max, bound, value, t_star):
     one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
     for i in range(np.uint64(len(value))):
         k = four * i
-        value[i], t_star[i] = _quick_lower4(x[k], x[k + one], x[k + two], x[k + three], u_max[i], bound[i])
+        value[i], t_star[i] = quick_lower4(x[k], x[k + one], x[k + two], x[k + three], u_max[i], bound[i])
     for i in range(len(value)):
         if math.isnan(value[i]):
             k = 4 * i

@@ -62,31 +62,25 @@ class Chain(NamedTuple):
 
 
 @inline_kernel
-def _size(p, t):
+def size_of_terms(p, t):
     """Sum of the sizes of the terms of x_n(t)."""
     return (((abs(p[0]) * t + abs(p[1])) * t + abs(p[2])) * t + abs(p[3])) * t + abs(p[4])
 
 
 @inline_kernel
-def _is_above(x4, x3, x2, x1, u_max, t):
+def is_above(x4, x3, x2, x1, u_max, t):
     """Whether no x_4 before, after or at the time t of the state is below 0; u_max is 0 but for order 4.
 
     A time h later it is ``x_4 + x_3 h + h² (x_2/2 + x_1 h/6 + u_max h²/24)``, and the least of the bracket over
-    h >= -t makes that a parabola.
+    h >= -t makes that a parabola. No branch is taken.
     """
-    if 2.0 * x1 >= u_max * t:
-        least = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
-    else:
-        least = 0.5 * x2 - x1 * x1 / (6.0 * u_max)
-    if not x4 >= 0.0:
-        return False
-    if t > 0.0 or x3 < 0.0:
-        return least >= 0.0 and 4.0 * least * x4 >= x3 * x3
-    if least >= 0.0 or u_max == 0.0:
-        return least >= 0.0
-    # It rises, and the bracket is below 0 up to this time only.
+    early = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
+    least = early if 2.0 * x1 >= u_max * t else 0.5 * x2 - x1 * x1 / (6.0 * u_max)
+    # Where it rises, the bracket is below 0 up to this time only.
     ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / u_max
-    return x4 + ahead * (x3 + least * ahead) >= 0.0
+    is_late_enough = (u_max != 0.0) & (x4 + ahead * (x3 + least * ahead) >= 0.0)
+    as_parabola = (least >= 0.0) & (4.0 * least * x4 >= x3 * x3)
+    return (x4 >= 0.0) & (as_parabola if (t > 0.0) | (x3 < 0.0) else (least >= 0.0) | is_late_enough)
 
 
 @kernel
@@ -101,7 +95,7 @@ def _touching(chain, t_star, target, lowest, highest):
     for _ in range(ROUNDS):
         most = state_after(y, t)
         slope = state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
-        noise = ROUNDING * _size(chain.p, t)
+        noise = ROUNDING * size_of_terms(chain.p, t)
         room = most[3] - target
         if room + noise < (u_max - u) * slope[3]:
             u = u_max - (room - 2.0 * noise) / slope[3]
@@ -111,7 +105,7 @@ def _touching(chain, t_star, target, lowest, highest):
         lack = u_max - u
         speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
         room -= lack * slope[3] + noise
-        if _is_above(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
+        if is_above(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
             return u, True
         if not bend > 0.0:
             break
@@ -138,7 +132,7 @@ def _rise_at(chain, t, u, missing):
     """Rise of U that lifts x_n(t) by ``missing`` and a rounding; 0 if nothing is missing."""
     if missing <= 0.0:
         return 0.0
-    lift = (missing + ROUNDING * _size(chain.p, t)) / weight(chain.order, t, chain.period)
+    lift = (missing + ROUNDING * size_of_terms(chain.p, t)) / weight(chain.order, t, chain.period)
     return lift + ROUNDING * abs(u)
 
 
@@ -181,7 +175,7 @@ def required(order, x, bound, floor_input, held):
     x = (x[0], x[1], x[2], x[3] - bound)
     value, t_star = lower(order, x, u_max)
     p = polynomial(derivatives(order, x, u_max))
-    is_inside = value >= -(drift + DRIFT * _size(p, t_star))
+    is_inside = value >= -(drift + DRIFT * size_of_terms(p, t_star))
     dip_target = (1.0 - gamma) * value if value >= 0.0 else value
     tail_target = dip_target if is_inside else (1.0 - gamma) * value
     highest = u_max if is_inside else held.input_max
@@ -189,7 +183,7 @@ def required(order, x, bound, floor_input, held):
         return floor_input, value, is_inside
     chain = Chain(order, x, p, u_max, period)
     u, is_certain = _touching(chain, t_star, tail_target, floor_input, highest)
-    noise = ROUNDING * _size(p, period)
+    noise = ROUNDING * size_of_terms(p, period)
     if is_certain and (u == highest or stays_above(derivatives(order, x, u), period, dip_target + noise)):
         return u, value, is_inside
     u = _least_input(chain, max(t_star, period), dip_target, tail_target, u, highest)

@@ -13,6 +13,7 @@ from shields.backup.stored_stop import PLAN
 from shields.interface.bodies import are_cores_of, unpacked
 from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
+from shields.methods.calm_block import sampled_rows
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
@@ -27,7 +28,6 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
-from shields.methods.sampled_row import sampled_row
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
 # only; at 8 1/s that carried vehicles off their stops at 20 Hz, and from there into the sphere.
@@ -45,10 +45,9 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
     bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
     measured = Measured(borrowed(flat), bodies, borrowed(snap))
     code = checked_rows(measured, n, k)
-    for i in range(n):
-        if code == DONE:
-            code = sampled_row(i, measured, held.rows, settings, answers)
-    return code
+    if code != DONE:
+        return code
+    return sampled_rows(cores, settings.closing, settings.sampling.authority, measured, held.rows, settings, answers)
 
 
 @kernel

@@ -30,6 +30,7 @@ from shields.interface.bodies import (
 )
 from shields.interface.records import Bodies, Measured, MovingBodies
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
+from shields.methods.calm_block import sampled_rows
 from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
@@ -49,7 +50,6 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
-from shields.methods.sampled_row import sampled_row
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
 
 
@@ -138,16 +138,19 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     ahead = Measured(tubes.flats, bodies_ahead, measured.snap)
     width, period, delay = settings.tube, settings.flight.period, tubes.pending.shape[1]
     code = checked_rows(measured, n, k)
+    if code != DONE:
+        return code
     for i in range(n):
-        if code == DONE:
-            x = flat_of_row(i, measured.flat)
-            is_here = is_here_clear(i, x, bodies, tubes.pending, tubes.chains, width, period)
-            write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
-            write_world_ahead(i, delay * period, bodies, width, tubes)
-            tubes.before[i] = held.rows.plans[i]
-            code = sampled_row(i, ahead, held.rows, settings, answers)
-            withdraw(i, answers.facts[i], is_here, tubes.chains)
-            send(answers.safe[i], tubes.pending[i])
+        x = flat_of_row(i, measured.flat)
+        write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
+        write_world_ahead(i, delay * period, bodies, width, tubes)
+        tubes.before[i] = held.rows.plans[i]
+    code = sampled_rows(cores, settings.closing, settings.sampling.authority, ahead, held.rows, settings, answers)
+    for i in range(n):
+        x = flat_of_row(i, measured.flat)
+        is_here = is_here_clear(i, x, bodies, tubes.pending, tubes.chains, width, period)
+        withdraw(i, answers.facts[i], is_here, tubes.chains)
+        send(answers.safe[i], tubes.pending[i])
     return code
 
 
