@@ -31,6 +31,11 @@ class PlantAccess:
         """What the flight meets beyond the model; all off by default."""
         return self._world.conditions
 
+    @property
+    def follows(self) -> bool:
+        """Whether the task has a reference to follow."""
+        return isinstance(self._world, ToldWorld) and self._world.follows
+
     def _references(self) -> NDArray[np.float64]:
         if not isinstance(self._world, ToldWorld) or not self._world.follows:
             raise ValueError("reference must be asked of QuadSafe/Track-v0, got a task without one")

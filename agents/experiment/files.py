@@ -89,6 +89,12 @@ def read_csv(path: Path, dtype: np.dtype) -> NDArray[np.void]:
     return table
 
 
+def header_of(path: Path) -> list[str]:
+    """The names of the columns of a CSV file."""
+    with path.open(encoding="utf-8", newline="") as file:
+        return next(csv.reader(file))
+
+
 def _sync_folder(folder: Path) -> None:
     """Make a move outlast a power cut."""
     descriptor = os.open(folder, os.O_RDONLY)

@@ -3,9 +3,10 @@
 from typing import Any
 
 import numpy as np
+from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from quadsafe_env.tasks.reward import VELOCITY_SCALE
+from quadsafe_env.vehicle.state import ATTITUDE, VELOCITY
 from shields.slot.info import shield_in
 
 EPISODE = np.dtype(
@@ -28,34 +29,39 @@ EPISODE = np.dtype(
         ("fallbacks", "i8"),  # policy steps in which the shield flew its backup
     ]
 )
+# Where a reference is followed.
+TRACKING = "rms_error"  # root mean square of the distances from it, m
+TRACKED_EPISODE = np.dtype([*EPISODE.descr, (TRACKING, "f8")])
 ENDINGS = ("violation", "out_of_bounds", "crash", "invalid_action")
-VELOCITY = slice(3, 6)  # of an observation
 
 
 class EpisodeCounter:
     """Adds up transitions, and hands out an episode when it ends.
 
+    ``dtype`` is that of the episodes: ``TRACKED_EPISODE`` where a reference is followed, else ``EPISODE``.
+
     Args:
-        n: number of rows.
-        period: duration of a policy step, s.
+        env: vector env that resets an ended row in the same step; whoever counts steps it.
     """
 
-    def __init__(self, n: int, period: float):
-        self._open = np.zeros(n, EPISODE)
+    def __init__(self, env: VectorEnv[Any, Any, Any]):
+        n = env.num_envs
+        self._plant: Any = env.unwrapped
+        self.dtype = TRACKED_EPISODE if self._plant.follows else EPISODE
+        self._open = np.zeros(n, self.dtype)
         self._speed, self._intervened = np.zeros(n), np.zeros(n, dtype=np.bool_)
-        self._metres = VELOCITY_SCALE * period
+        self._period = 1.0 / env.metadata["render_fps"]
 
-    def start(self, observations: NDArray, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget the open episodes, of the rows of ``mask`` or of all; they begin with these observations."""
+    def start(self, mask: NDArray[np.bool_] | None = None) -> None:
+        """Forget the open episodes, of the rows of ``mask`` or of all; they begin where the plant is."""
         rows = slice(None) if mask is None else mask
         self._open[rows] = 0
         self._open["clearance"][rows] = np.inf
         self._intervened[rows] = False
-        self._note_speed(observations)
+        self._note_speed()
 
     def add(
         self,
-        observations: NDArray,
         rewards: NDArray,
         terminated: NDArray,
         truncated: NDArray,
@@ -65,7 +71,7 @@ class EpisodeCounter:
         episodes = self._open
         episodes["return"] += rewards
         episodes["length"] += 1
-        episodes["path"] += self._metres * self._speed
+        episodes["path"] += self._period * self._speed
         episodes["cost"] += info["cost"]
         np.minimum(episodes["clearance"], info["clearance"], out=episodes["clearance"])
         for name in ENDINGS:
@@ -75,12 +81,14 @@ class EpisodeCounter:
             self._add_shield(shield)
         ended = terminated | truncated
         if not ended.any():
-            self._note_speed(observations)
+            self._note_speed()
             return episodes[:0]
         episodes["is_success"] = info["is_success"]
         episodes["timeout"] = truncated & ~terminated
+        if self.dtype == TRACKED_EPISODE:
+            episodes[TRACKING] = info[TRACKING]
         finished = episodes[ended].copy()
-        self.start(observations, ended)
+        self.start(ended)
         return finished
 
     def snapshot(self) -> dict[str, NDArray]:
@@ -101,6 +109,7 @@ class EpisodeCounter:
         episodes["fallbacks"] += shield["fallback"]
         self._intervened[:] = intervened
 
-    def _note_speed(self, observations: NDArray) -> None:
-        velocity = observations[:, VELOCITY]
+    def _note_speed(self) -> None:
+        # Not of the observation, which is a user's to choose.
+        velocity = self._plant.state[:, VELOCITY:ATTITUDE]
         np.sqrt(np.einsum("ij,ij->i", velocity, velocity), out=self._speed)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.learn.episodes import EPISODE, EpisodeCounter
+from agents.learn.episodes import EpisodeCounter
 from quadsafe_core.shapes import Obstacles
 
 # Names of the plant that have a leading N in the vector env and none in the single env.
@@ -39,11 +39,11 @@ class Sb3VectorEnv(VecEnv):
         self.env = env
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._period = 1.0 / env.metadata["render_fps"]
-        self._counter = EpisodeCounter(self.num_envs, self._period)
+        self._counter = EpisodeCounter(env)
         self._steps = 0
         self._actions: NDArray | None = None
         self.transition: dict[str, Any] = {}
-        self.finished = np.zeros(0, EPISODE)
+        self.finished = np.zeros(0, self._counter.dtype)
 
     def reset(self):
         """Start an episode in every row; seeds and options set before are used once."""
@@ -51,7 +51,7 @@ class Sb3VectorEnv(VecEnv):
         observations, info = self.env.reset(seed=seeds, options=self._merged_options())
         self._reset_seeds()
         self._reset_options()
-        self._counter.start(observations)
+        self._counter.start()
         self.reset_infos = rows_of(info)
         return observations
 
@@ -64,7 +64,7 @@ class Sb3VectorEnv(VecEnv):
         observations, rewards, terminated, truncated, info = self.env.step(self._actions)
         self._steps += 1
         self.transition = info
-        self.finished = self._counter.add(observations, rewards, terminated, truncated, info)
+        self.finished = self._counter.add(rewards, terminated, truncated, info)
         infos, ended = rows_of(info), terminated | truncated
         for i, episode in zip(np.flatnonzero(ended), self.finished, strict=True):
             infos[i]["terminal_observation"] = info["final_obs"][i]

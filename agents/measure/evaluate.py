@@ -94,13 +94,13 @@ def agent_of(run: Run, arm: str, seed: int, env: VectorEnv) -> Agent:
 def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]:
     """Fly each scene once, deterministically: one row of ``env`` for each, its episodes in their order."""
     observations, _ = env.reset(options={"scene": list(scenes)})
-    counter = EpisodeCounter(env.num_envs, 1.0 / env.metadata["render_fps"])
-    counter.start(observations)
-    episodes, is_open = np.zeros(env.num_envs, EPISODE), np.ones(env.num_envs, dtype=np.bool_)
+    counter = EpisodeCounter(env)
+    counter.start()
+    episodes, is_open = np.zeros(env.num_envs, counter.dtype), np.ones(env.num_envs, dtype=np.bool_)
     pilot = Pilot(agent)
     while is_open.any():
         observations, rewards, terminated, truncated, info = env.step(pilot.act(observations))
-        finished = counter.add(observations, rewards, terminated, truncated, info)
+        finished = counter.add(rewards, terminated, truncated, info)
         ended = terminated | truncated
         episodes[is_open & ended] = finished[is_open[ended]]
         is_open &= ~ended
@@ -124,7 +124,7 @@ def write_flights(
     for is_shielded, flown in ((False, without), (True, shielded)):
         episodes: list[Any] = flown.tolist()
         rows += [[is_shielded, k, *episode] for k, episode in zip(scenes, episodes, strict=True)]
-    write_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT.names or (), rows)
+    write_csv(run.folder_of(arm, seed) / "flights.csv", ["shield", "scene", *(without.dtype.names or ())], rows)
 
 
 def evaluate_run(run: Run, eval_episodes: int | None = None, num_threads: int = 1) -> None:

@@ -5,17 +5,17 @@ the shield. "none" flown "on" is the shield at deployment only.
 """
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.experiment.arms import ARMS
-from agents.experiment.files import read_csv, read_json
+from agents.experiment.files import header_of, read_csv, read_json
 from agents.experiment.runs import Run
-from agents.learn.episodes import EPISODE
-from agents.measure.evaluate import FLIGHT
-from agents.measure.statistics import exact_bounds, over_seeds, paired
+from agents.learn.episodes import EPISODE, TRACKED_EPISODE, TRACKING
+from agents.measure.statistics import exact_bounds, mean_of, over_seeds, paired
 
 Row = dict[str, Any]
 # Field of an episode, and what its count is called.
@@ -70,6 +70,7 @@ def summary(episodes: NDArray[np.void]) -> Row:
         "correction": _ratio(float(episodes["correction"].sum()), acted),
         "largest_correction": None if largest is None else float(largest),
         "fallbacks": int(episodes["fallbacks"].sum()),
+        **_tracking(episodes),
     }
 
 
@@ -105,13 +106,12 @@ def result_rows(seeds: list[Row]) -> list[Row]:
 
 def training_episodes(run: Run, arm: str, seed: int) -> NDArray[np.void]:
     """Every episode of a training, with the ``timestep`` of its end."""
-    path = run.folder_of(arm, seed) / "episodes.csv"
-    return read_csv(path, np.dtype([("timestep", "i8"), *EPISODE.descr]))
+    return _episodes(run.folder_of(arm, seed) / "episodes.csv", ("timestep", "i8"))
 
 
 def flights(run: Run, arm: str, seed: int, is_shielded: bool) -> NDArray[np.void]:
     """The held-out flights of an agent, without or with the shield, in the order of their scenes."""
-    every = read_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT)
+    every = _episodes(run.folder_of(arm, seed) / "flights.csv", ("shield", "?"), ("scene", "u8"))
     return every[every["shield"] == is_shielded]
 
 
@@ -128,6 +128,12 @@ def clearances(run: Run, arm: str) -> dict[str, NDArray[np.float64]]:
 def trained_seeds(run: Run, arm: str) -> list[int]:
     """The seeds whose finished trainings can be counted; none of an arm that learns nothing."""
     return _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job) and _is_told(run, *job))
+
+
+def _episodes(path: Path, *columns: tuple[str, str]) -> NDArray[np.void]:
+    """The columns of a file and its episodes, with their tracking errors where the file has them."""
+    kind = TRACKED_EPISODE if TRACKING in header_of(path) else EPISODE
+    return read_csv(path, np.dtype([*columns, *kind.descr]))
 
 
 def _trained(run: Run, arm: str) -> list[Row]:
@@ -161,6 +167,14 @@ def _is_told(run: Run, arm: str, seed: int) -> bool:
     return all((run.folder_of(arm, seed) / name).exists() for name in COUNTED_FROM)
 
 
+def _tracking(episodes: NDArray[np.void]) -> Row:
+    """Where a reference is followed, the mean of the episodes' tracking errors, m, with its interval."""
+    if TRACKING not in (episodes.dtype.names or ()):
+        return {}
+    mean = mean_of(episodes[TRACKING])
+    return {TRACKING: mean.value, f"{TRACKING}_least": mean.low, f"{TRACKING}_most": mean.high}
+
+
 def _totals(rows: list[Row]) -> Row:
     totals = {name: sum(row[name] for row in rows) for name in TOTALS}
     n = totals["episodes"]
@@ -184,10 +198,16 @@ def _estimates(rows: list[Row], reference: list[Row]) -> Row:
     found: Row = {}
     base = {row["seed"]: row for row in reference}
     pairs = [(row, base[row["seed"]]) for row in rows if row["seed"] in base]
-    for name in MEASURES:
-        found |= _named(name, over_seeds([row[name] for row in rows]))
-        difference = paired([a[name] for a, _ in pairs], [b[name] for _, b in pairs])
+    for name in (*MEASURES, *([TRACKING] if TRACKING in rows[0] else [])):
+        found |= _named(name, over_seeds([row.get(name) for row in rows]))
+        difference = paired([a.get(name) for a, _ in pairs], [b.get(name) for _, b in pairs])
         found |= _named(f"{name}_difference", difference)
+    if TRACKING in rows[0] and len(rows) == 1:
+        # A single seed has no interval but that over its episodes.
+        found |= {
+            f"{TRACKING}_low": rows[0][f"{TRACKING}_least"],
+            f"{TRACKING}_high": rows[0][f"{TRACKING}_most"],
+        }
     return found
 
 

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binomtest, bootstrap, trim_mean
 
 CONFIDENCE = 0.95
+TWO_SIDED = 1.96  # standard errors
 RESAMPLES = 10_000
 
 
@@ -28,6 +29,16 @@ def exact_bounds(count: int, n: int) -> tuple[float, float]:
     side = "less" if count == 0 else "greater" if count == n else "two-sided"
     interval = binomtest(count, n, alternative=side).proportion_ci(CONFIDENCE, "exact")
     return float(interval.low), float(interval.high)
+
+
+def mean_of(values: NDArray[np.float64]) -> Estimate:
+    """Mean of independent values and its interval, 1.96 standard errors to each side, of two values or more."""
+    n = len(values)
+    middle = float(np.mean(values)) if n else None
+    if middle is None or n == 1:
+        return Estimate(middle, None, None)
+    reach = TWO_SIDED * float(np.std(values, ddof=1)) / n**0.5
+    return Estimate(middle, middle - reach, middle + reach)
 
 
 def iqm(values: ArrayLike, axis: int = -1) -> np.ndarray:

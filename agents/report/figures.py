@@ -19,16 +19,16 @@ SOLID, DASHES = "solid", ("solid", "14px,14px", "7px,21px", "4px,24px", "2px,26p
 # Measures of the forest, their axes, and what they are multiplied by.
 MEASURES = {
     "violation_rate": "collided, %",
-    "success_rate": "reached the goal, %",
+    "success_rate": "success, %",
     "violation_rate_difference": "Δ collided, points",
-    "success_rate_difference": "Δ reached the goal, points",
+    "success_rate_difference": "Δ success, points",
 }
 OFFSET = {"off": 0.16, "on": -0.16}
 
 
 def learning_curves(curves: Mapping[str, Curve]) -> go.Figure:
     """Rate of success over the steps of training, a curve with its band for each arm."""
-    figure = blank(440, xaxis_title="policy steps", yaxis_title="episodes that reach the goal, %")
+    figure = blank(440, xaxis_title="policy steps", yaxis_title="episodes that are a success, %")
     for arm, curve in curves.items():
         add_curve(figure, arm, curve._replace(**{x: 100.0 * getattr(curve, x) for x in Curve._fields[1:]}))
     return figure.update_yaxes(range=[-3.0, 103.0])

@@ -5,8 +5,9 @@ their paired difference, where there is one, leaves out zero.
 """
 
 from agents.experiment.arms import GIVEN
+from agents.learn.episodes import TRACKING
 from agents.measure.results import Row
-from agents.report.rates import in_words
+from agents.report.rates import IN_WORDS, in_words, metres
 
 Rows = dict[tuple[str, str, str], Row]
 WAYS = {
@@ -42,8 +43,13 @@ def collided(row: Row, of: str = "") -> str:
 
 
 def arrived(row: Row, of: str = "") -> str:
-    """As ``collided``, of the episodes that reached the goal."""
+    """As ``collided``, of the episodes that were a success."""
     return f"{row['successes']:,} of {row['episodes']:,}{of} ({in_words(row, 'success_rate')})"
+
+
+def succeeded(row: Row) -> str:
+    """What a success is: at the goal, or with a reference to the time limit."""
+    return "kept to its reference" if TRACKING in row else "reached the goal"
 
 
 def is_shown(row: Row, other: Row, rate: str) -> bool:
@@ -129,12 +135,20 @@ def _pair(who: str, row: Row, other: str, reference: Row | None) -> str:
     """How often an agent collided and arrived, and the reference, and how they differ."""
     first = f"{who} collided in {collided(row, ' held-out flights')}"
     if reference is None:
-        return f"{first} and reached the goal in {arrived(row)}."
+        return f"{first} and {succeeded(row)} in {arrived(row)}.{_tracked(row, '')}"
     return (
         f"{first}, {other} in {collided(reference)}: {against(row, reference, 'violation_rate')}. "
-        f"It reached the goal in {arrived(row)}, {other} in {arrived(reference)}: "
+        f"It {succeeded(row)} in {arrived(row)}, {other} in {arrived(reference)}: "
         f"{against(row, reference, 'success_rate')}."
+        f"{_tracked(row, f'; {other}, {metres(reference, IN_WORDS)}')}"
     )
+
+
+def _tracked(row: Row, other: str) -> str:
+    """How far an agent was from what it followed, and the other; nothing where nothing is followed."""
+    if TRACKING not in row:
+        return ""
+    return f" Its rms error, until a flight ended, was {metres(row, IN_WORDS)}{other}."
 
 
 def _costs(found: Rows) -> str:
@@ -163,7 +177,7 @@ def _costs_in_training(found: Rows) -> list[str]:
     if row is None or bare is None:
         return []
     return [
-        f"In training, {arrived(row, ' episodes')} reached the goal with the shield, {arrived(bare)} without: "
+        f"In training, {arrived(row, ' episodes')} {succeeded(row)} with the shield, {arrived(bare)} without: "
         f"{against(row, bare, 'success_rate')}.",
         f"Training ran at {row['steps_per_second']:,} steps a second with the shield, at "
         f"{bare['steps_per_second']:,} without.",

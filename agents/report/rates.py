@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from agents.learn.episodes import TRACKING
 from agents.measure.results import Row
 
 COUNTS = {"violation_rate": "violations", "success_rate": "successes"}
@@ -14,10 +15,11 @@ class Form(NamedTuple):
     near_none: str
     near_all: str
     between: str
+    metres: str
 
 
-IN_TABLES = Form("0 [<= {}]", "100 [>= {}]", "{} [{}, {}]")
-IN_WORDS = Form("at most {} %", "at least {} %", "{} %, {} to {}")
+IN_TABLES = Form("0 [<= {}]", "100 [>= {}]", "{} [{}, {}]", "{} [{}, {}]")
+IN_WORDS = Form("at most {} %", "at least {} %", "{} %, {} to {}", "{} m, {} to {}")
 
 
 def percentage(row: Row, rate: str) -> str:
@@ -37,6 +39,16 @@ def written(row: Row, rate: str, form: Form) -> str:
     if row[f"{rate}_most"] == 1.0:
         return form.near_all.format(at_least(row[f"{rate}_least"]))
     return form.between.format(digits(middle(row, rate)), *map(digits, interval(row, rate)))
+
+
+def metres(row: Row, form: Form) -> str:
+    """The tracking error of a row with its interval; "-" where there is none."""
+    value, low, high = (row.get(f"{TRACKING}{end}") for end in ("", "_low", "_high"))
+    if value is None:
+        return "-"
+    if low is None or high is None:
+        return f"{value:.2f}"
+    return form.metres.format(*(f"{x:.2f}" for x in (value, low, high)))
 
 
 def middle(row: Row, rate: str) -> float:

@@ -61,7 +61,7 @@ def report_page(run: Run, rows: list[results.Row]) -> str:
             if (chosen := [row for row in rows if row["phase"] == phase])
         },
         figures=run_figures(run, rows),
-        legend=tables.LEGEND,
+        legend=tables.legend_of(rows),
         records={name: tables.settings(path) for name, path in files.items() if path.exists()},
     )
 

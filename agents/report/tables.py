@@ -7,8 +7,10 @@ from typing import Any
 from agents.experiment.arms import GIVEN
 from agents.experiment.config import Experiment
 from agents.experiment.runs import Run
+from agents.learn.episodes import TRACKING
 from agents.measure.results import Row
-from agents.report.rates import percentage
+from agents.report.rates import IN_TABLES, metres, percentage
+from quadsafe_env.references.following import SUCCESS
 
 LEGEND = {
     "trained with": "what stood around the agent while it learned, or who flew without learning",
@@ -22,7 +24,16 @@ LEGEND = {
     "acts": "policy steps in which the shield changed a command; - where there is no shield",
     "steps/s": "policy steps of a training in a second",
 }
+# Where a reference is followed, in place of these and beside them.
+TRACKING_LEGEND = {
+    "success, %": "as the rate, of episodes flown to their time limit without a violation, with an rms error "
+    f"of at most {SUCCESS} m",
+    "rms error, m": "root mean square of the distances from the reference until the episode ended: the "
+    "interquartile mean of the seeds' means, in brackets the 95 % interval of the bootstrap over seeds; of a "
+    "single seed that of the mean over its episodes",
+}
 CELLS = ["violations", "rate, %", "success, %", "return", "acts"]
+TRACKING_CELLS = ["violations", "rate, %", "success, %", "rms error, m", "return", "acts"]
 
 
 def report_text(run: Run, rows: list[Row]) -> str:
@@ -36,17 +47,18 @@ def report_text(run: Run, rows: list[Row]) -> str:
         parts.append(f"{title}\n{aligned(training_table(training))}")
     if evaluation:
         parts.append(_evaluation(evaluation))
-    return "\n\n".join([*parts, legend_text()]) + "\n"
+    return "\n\n".join([*parts, legend_text(rows)]) + "\n"
 
 
 def given_text(experiment: Experiment, rows: list[Row]) -> str:
     """The table of a given policy that has no run folder."""
-    return "\n\n".join([f"{experiment.env}, {subject(experiment)}", _evaluation(rows), legend_text()]) + "\n"
+    parts = [f"{experiment.env}, {subject(experiment)}", _evaluation(rows), legend_text(rows)]
+    return "\n\n".join(parts) + "\n"
 
 
-def legend_text() -> str:
-    """What the columns mean, in lines."""
-    entries = (f"{head}: {meaning}." for head, meaning in LEGEND.items())
+def legend_text(rows: list[Row]) -> str:
+    """What the columns of the tables of these rows mean, in lines."""
+    entries = (f"{head}: {meaning}." for head, meaning in legend_of(rows).items())
     return "\n".join(fill(entry, 106, subsequent_indent="  ") for entry in entries)
 
 
@@ -57,6 +69,11 @@ def subject(experiment: Experiment) -> str:
     seeds = experiment.seeds
     which = f"seed {seeds[0]}" if len(seeds) == 1 else f"seeds {seeds[0]} to {seeds[-1]}"
     return f"{experiment.action} commands, {experiment.algo}, {which}"
+
+
+def legend_of(rows: list[Row]) -> dict[str, str]:
+    """What the heads of the tables of these rows mean."""
+    return LEGEND | TRACKING_LEGEND if _follows(rows) else LEGEND
 
 
 def aligned(rows: list[list[str]]) -> str:
@@ -88,14 +105,24 @@ def settings(path: Path) -> list[list[str]]:
 
 def training_table(rows: list[Row]) -> list[list[str]]:
     """Cells of the trainings, under their heads."""
-    body = [[row["title"], *_cells(row), f"{row['steps_per_second']:,}"] for row in rows]
-    return [["trained with", *CELLS, "steps/s"], *body]
+    heads = _heads(rows)
+    body = [[row["title"], *_cells(row, heads), f"{row['steps_per_second']:,}"] for row in rows]
+    return [["trained with", *heads, "steps/s"], *body]
 
 
 def evaluation_table(rows: list[Row]) -> list[list[str]]:
     """Cells of the held-out flights, under their heads."""
-    body = [[row["title"], "shield" if row["flown"] == "on" else "no shield", *_cells(row)] for row in rows]
-    return [["trained with", "flown with", *CELLS], *body]
+    heads, ways = _heads(rows), {"on": "shield", "off": "no shield"}
+    body = [[row["title"], ways[row["flown"]], *_cells(row, heads)] for row in rows]
+    return [["trained with", "flown with", *heads], *body]
+
+
+def _follows(rows: list[Row]) -> bool:
+    return any(TRACKING in row for row in rows)
+
+
+def _heads(rows: list[Row]) -> list[str]:
+    return TRACKING_CELLS if _follows(rows) else CELLS
 
 
 def _evaluation(rows: list[Row]) -> str:
@@ -104,15 +131,17 @@ def _evaluation(rows: list[Row]) -> str:
     return f"{title}\n{aligned(evaluation_table(rows))}"
 
 
-def _cells(row: Row) -> list[str]:
+def _cells(row: Row, heads: list[str]) -> list[str]:
     is_shielded = row["flown"] == "on" and row["intervention_rate"] is not None
-    return [
-        f"{row['violations']:,} of {row['episodes']:,}",
-        percentage(row, "violation_rate"),
-        percentage(row, "success_rate"),
-        "-" if row["return"] is None else f"{row['return']:.2f}",
-        f"{row['intervention_rate']:.1%}" if is_shielded else "-",
-    ]
+    cells = {
+        "violations": f"{row['violations']:,} of {row['episodes']:,}",
+        "rate, %": percentage(row, "violation_rate"),
+        "success, %": percentage(row, "success_rate"),
+        "rms error, m": metres(row, IN_TABLES),
+        "return": "-" if row["return"] is None else f"{row['return']:.2f}",
+        "acts": f"{row['intervention_rate']:.1%}" if is_shielded else "-",
+    }
+    return [cells[head] for head in heads]
 
 
 def _named(name: str, value: Any) -> list[list[str]]:

@@ -61,6 +61,8 @@ class Flight:
         self._clearance = min(self._clearance, info["clearance"])
         if is_over:
             self._end = next((end for key, end in ENDS.items() if info[key]), "ran out of time")
+            if info["is_success"] and self._env.unwrapped.follows:
+                self._end = "kept to its reference"
 
     def sentence(self) -> str:
         """How it went."""

@@ -50,7 +50,7 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
     model = make_model(run.experiment, env, seed, options.device)
     table, counter = ProgressTable(), EpisodeCallback()
     model.set_logger(Logger(None, [table, *_tensorboard(options, f"{run.folder.name}/{folder.name}")]))
-    with EpisodeFile(folder / "episodes.csv") as episodes:
+    with EpisodeFile(folder / "episodes.csv", env.finished.dtype) as episodes:
         checkpoints = CheckpointCallback(folder, model, run, options.save_freq, table, counter, episodes)
         checkpoints.restore()
         left = run.experiment.n_timesteps - model.num_timesteps
@@ -84,6 +84,8 @@ class EpisodeCallback(BaseCallback):
         env = self.training_env
         assert isinstance(env, Sb3VectorEnv)
         self._env = env
+        if not self.recent.size:
+            self.recent = env.finished[:0]
 
     def _on_step(self) -> bool:
         self.counts["violation_steps"] += int(self._env.transition["cost"].sum())
@@ -107,8 +109,12 @@ class EpisodeCallback(BaseCallback):
             self.logger.record("rollout/recent_success_rate", self.recent["is_success"].mean())
             self.logger.record("rollout/intervention_rate", self.recent["interventions"].sum() / steps)
 
+    def _on_training_end(self) -> None:
+        # A training that is stopped ends in the middle of a rollout.
+        self._on_rollout_end()
+
     def take_rows(self) -> list[list[Any]]:
-        """The episodes since the last call as [timestep of the end, fields of EPISODE]."""
+        """The episodes since the last call as [timestep of the end, fields of an episode]."""
         rows, self._rows = self._rows, []
         return rows
 
@@ -200,10 +206,16 @@ class CheckpointCallback(BaseCallback):
 
 
 class EpisodeFile:
-    """A CSV file of episodes that grows, and can be cut back to where a checkpoint was."""
+    """A CSV file of episodes that grows, and can be cut back to where a checkpoint was.
 
-    def __init__(self, path: Path):
+    Args:
+        path: the file.
+        dtype: of the episodes.
+    """
+
+    def __init__(self, path: Path, dtype: np.dtype):
         self._path, self._file = path, path.open("a+b", buffering=0)
+        self._header = ["timestep", *(dtype.names or ())]
 
     def __enter__(self) -> "EpisodeFile":
         return self
@@ -215,7 +227,7 @@ class EpisodeFile:
         """Forget what comes after this many bytes; at 0 the header is written."""
         self._file.truncate(size)
         if size == 0:
-            self.add([["timestep", *(EPISODE.names or ())]])
+            self.add([self._header])
 
     def add(self, rows: list[list[Any]]) -> int:
         """Append rows and wait until they are on the disk; the size of the file then."""

@@ -128,14 +128,14 @@ class ToldWorld(World):
 
     def _pay_for_following(self, following: Following) -> None:
         violated = self.flags[VIOLATION]
-        self.outcomes[PAID] = following.close(self._line(DISTANCE), self._line(EFFORT), violated)
+        self.outcomes[PAID] = following.close(self._told_line(DISTANCE), self._told_line(EFFORT), violated)
         self.flags[IS_SUCCESS] = following.succeeds() & ~self.flags[TERMINATED]
 
     def _told(self, plain: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray:
         function, space = self._signals.observation, self._signals.space
         if function is not None and space is not None:
             q = self._quantities(rows, self.seen_states(rows))
-            return observed(function, space, q, self._leading(rows))
+            return observed(function, space, q, self._leading(rows)).reshape(len(rows), *(space.shape or ()))
         if self._following is None:
             return plain[rows]
         ahead = self._following.look(rows, self.seen_states(rows), self._scene_memory)
@@ -144,7 +144,7 @@ class ToldWorld(World):
     def _leading(self, rows: NDArray[np.intp]) -> tuple[int, ...]:
         return () if self._signals.is_single else (len(rows),)
 
-    def _line(self, k: int) -> NDArray[np.float64]:
+    def _told_line(self, k: int) -> NDArray[np.float64]:
         """A line of the table, (N,)."""
         return self._table.reshape(-1, LINES, LANES)[:, k].reshape(-1)[: self.n].copy()
 
@@ -152,10 +152,10 @@ class ToldWorld(World):
         """What is left of the way to the goals, (N,), m."""
         openings = self.openings
         if not openings.shape[1]:
-            return self._line(DISTANCE)
+            return self._told_line(DISTANCE)
         is_open = openings["is_passed"] == 0
         rest = np.take_along_axis(openings["rest"], is_open.argmax(axis=1)[:, None], 1)[:, 0]
-        return self._line(DISTANCE) + np.where(is_open.any(axis=1), rest, 0.0)
+        return self._told_line(DISTANCE) + np.where(is_open.any(axis=1), rest, 0.0)
 
     def _left_before(self) -> NDArray[np.float64]:
         if self._following is None:
@@ -177,7 +177,7 @@ class ToldWorld(World):
             goal=self.scenes.goal,
             distance=self._left(),
             previous_distance=self._before,
-            arrives=self._line(ARRIVES) > 0.0,
+            arrives=self._told_line(ARRIVES) > 0.0,
             clearance=self.outcomes[CLEAR],
             violation=self.flags[VIOLATION],
             terminated=self.flags[TERMINATED],

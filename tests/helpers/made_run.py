@@ -8,18 +8,20 @@ from agents.experiment.arms import ARMS
 from agents.experiment.config import Experiment, to_dict
 from agents.experiment.files import write_csv, write_json, write_text, write_yaml
 from agents.experiment.runs import Run
-from agents.learn.episodes import EPISODE
-from agents.measure.evaluate import FLIGHT, held_out_scenes
+from agents.learn.episodes import EPISODE, TRACKED_EPISODE, TRACKING
+from agents.measure.evaluate import held_out_scenes
 from agents.measure.trace import HEADER, NO_SNAPS
 
 STEPS, EPISODES, FLIGHTS, PERIOD = 20_000, 120, 40, 0.04
+AVOID, TRACK = "QuadSafe/Avoid-v0", "QuadSafe/Track-v0"
 MOVES = [0.0, 0.5, 0.0]  # m/s, of a capsule below the flights
 
 
-def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is_traced=True) -> Run:
+def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is_traced=True, env=AVOID) -> Run:
     """Without a shield every third episode collides or so, with it none."""
     hyperparams = {"n_envs": 4}
-    experiment = Experiment(arms=tuple(arms), n_seeds=n_seeds, n_timesteps=STEPS, hyperparams=hyperparams)
+    told = {"n_timesteps": STEPS, "hyperparams": hyperparams}
+    experiment = Experiment(env=env, arms=tuple(arms), n_seeds=n_seeds, **told)
     run = Run(folder, experiment)
     write_yaml(folder / "config.yml", to_dict(experiment))
     for number, (arm, seed) in enumerate(experiment.jobs()):
@@ -33,11 +35,15 @@ def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is
     return run
 
 
+def kind_of(run: Run) -> np.dtype:
+    return TRACKED_EPISODE if run.experiment.env == TRACK else EPISODE
+
+
 def write_training(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:
     ends = np.sort(rng.integers(1, STEPS, EPISODES))
-    episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng)
+    episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng, kind_of(run))
     rows = [[end, *episode] for end, episode in zip(ends, episodes.tolist(), strict=True)]
-    write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(EPISODE.names or ())], rows)
+    write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(kind_of(run).names or ())], rows)
     write_progress(run, arm, seed, rng)
     told = {"timesteps": STEPS, "steps_per_second": 30_000 + seed, "seconds": 1.0}
     write_json(run.folder_of(arm, seed) / "training.json", told)
@@ -60,15 +66,16 @@ def write_flights(run: Run, arm: str, seed: int, rng: np.random.Generator) -> No
         for is_shielded in (False, True)
         for scene, episode in zip(
             held_out_scenes(FLIGHTS),
-            made_episodes(FLIGHTS, not is_shielded, is_shielded, rng).tolist(),
+            made_episodes(FLIGHTS, not is_shielded, is_shielded, rng, kind_of(run)).tolist(),
             strict=True,
         )
     ]
-    write_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT.names or (), rows)
+    header = ["shield", "scene", *(kind_of(run).names or ())]
+    write_csv(run.folder_of(arm, seed) / "flights.csv", header, rows)
 
 
-def made_episodes(n: int, may_collide: bool, is_shielded: bool, rng: np.random.Generator):
-    episodes = np.zeros(n, EPISODE)
+def made_episodes(n: int, may_collide: bool, is_shielded: bool, rng: np.random.Generator, kind=EPISODE):
+    episodes = np.zeros(n, kind)
     episodes["clearance"] = rng.uniform(-0.1 if may_collide else 0.001, 0.3, n)
     episodes["violation"] = episodes["clearance"] < 0.0
     episodes["cost"] = episodes["violation"]
@@ -80,6 +87,8 @@ def made_episodes(n: int, may_collide: bool, is_shielded: bool, rng: np.random.G
         episodes["interventions"] = episodes["length"] // 5
         episodes["segments"], episodes["correction"] = 2, 100.0 * episodes["interventions"]
         episodes["largest_correction"] = 150.0
+    if TRACKING in (kind.names or ()):
+        episodes[TRACKING] = rng.uniform(0.2, 0.4, n) if is_shielded else rng.uniform(0.1, 0.2, n)
     return episodes
 
 

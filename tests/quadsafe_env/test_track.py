@@ -6,8 +6,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-import quadsafe_env  # noqa: F401
 from quadsafe_core.maths.counter_rng import Key
+from quadsafe_env import Box
 from quadsafe_env.references.curves import NUMBERS, REFERENCES, SEGMENTS, Course, curve_at, write_curve
 from quadsafe_env.references.track import APART
 from quadsafe_env.settings import build_world
@@ -112,6 +112,33 @@ def test_blind_following_violates_without_the_shield_and_never_with_it(reference
         # Without the shield it is on the reference, which is no success where it violates.
         assert not final["is_success"][seen].any()
     assert violated[False] >= 0.9 * n and violated[True] == 0
+
+
+def line_of(plant, times):
+    world = plant.unwrapped._world
+    return world._following.line(world._scene_memory, 0, np.array(times))
+
+
+@each_reference
+def test_among_given_obstacles_the_reference_leads_there(reference):
+    start, scene = (1.0, -0.5, 0.7), {"scene": 3}
+    keywords = {"reference": reference, "start": start, "terminate_on_violation": False}
+    free = gymnasium.make(ID, obstacles=[], **keywords)
+    free.reset(options=scene)
+    first, second = line_of(free, [4.0, 7.0])
+    on_it = [[*first, 0.25], Box(second, (0.15, 0.2, 0.25), velocity=(0.0, 0.02, 0.0))]
+    least, off = {}, {}
+    for name, obstacles in (("free", []), ("among", on_it), ("shield", on_it)):
+        plant = gymnasium.make(ID, obstacles=obstacles, **keywords)
+        env = ShieldWrapper(plant) if name == "shield" else plant
+        env.reset(options=scene)
+        np.testing.assert_allclose(plant.unwrapped.reference[0], start, atol=1e-12)
+        np.testing.assert_array_equal(line_of(plant, [4.0, 7.0]), [first, second])
+        told = [env.step(follow(plant.unwrapped))[4] for _ in range(220)]
+        least[name], off[name] = min(info["clearance"] for info in told), told[-1]["rms_error"]
+    # On the reference it is inside; off it, it is clear.
+    assert least["free"] == np.inf and least["among"] < -0.1 and least["shield"] > 0.0
+    assert off["free"] == off["among"] < off["shield"] < 1.5
 
 
 @pytest.mark.parametrize("action", ["velocity", "snap", "wrench", "rates", "attitude"])

@@ -73,6 +73,7 @@ KEYWORDS = {
     "render_size": ("Avoid", {"render_mode": "rgb_array", "render_size": np.int64(64)}),
     "camera, a mapping": ("Avoid", {"camera": {"azimuth": np.float32(20.0), "follow": np.True_}}),
     "camera, a named tuple": ("Avoid", {"camera": Camera(elevation=40.0, distance=5)}),
+    "caption": ("Avoid", {"caption": "PPO, seed 3"}),
     "max_episode_steps": ("Avoid", {"max_episode_steps": 7}),
 }
 SHIELDS = {

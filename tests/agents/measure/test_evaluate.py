@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 from stable_baselines3.common.evaluation import evaluate_policy
 
 from agents.experiment.config import Experiment, Options
@@ -13,13 +14,14 @@ from agents.learn.algorithms import SCENES_PER_SEED
 from agents.learn.episodes import EPISODE, EpisodeCounter
 from agents.learn.sb3_vec import Sb3VectorEnv
 from agents.measure.evaluate import FIRST_HELD_OUT, evaluate, evaluate_run, fly, held_out_scenes
-from agents.measure.results import flights, summary
+from agents.measure.results import flight_row, flights, summary
 from agents.measure.statistics import exact_bounds
 from agents.report.rates import percentage
 from agents.report.tables import aligned
 
 AVOID = Experiment()
 SCENES = held_out_scenes(20)
+SPACE = Box(-np.inf, np.inf, (20,), np.float32)
 
 
 class AtTheGoal:
@@ -64,8 +66,8 @@ def test_agrees_with_the_evaluation_of_stable_baselines():
 
 
 def test_every_ending_is_kept_apart():
-    counter, here = EpisodeCounter(5, 0.04), np.zeros((5, 20), dtype=np.float32)
-    counter.start(here)
+    counter = EpisodeCounter(make_vector_env(AVOID, 5, False))
+    counter.start()
     nothing = np.zeros(5, dtype=bool)
     info = {
         "cost": np.array([1.0, 0, 0, 0, 0]),
@@ -77,7 +79,6 @@ def test_every_ending_is_kept_apart():
         "is_success": np.array([False, False, False, False, True]),
     }
     finished = counter.add(
-        here,
         np.ones(5),
         np.array([True, True, True, False, True]),
         np.array([False, False, False, True, False]),
@@ -87,25 +88,25 @@ def test_every_ending_is_kept_apart():
     kinds = ("violations", "out_of_bounds", "crashes", "timeouts", "successes")
     assert [row[kind] for kind in kinds] == [1] * 5
     assert row["clearance"] == -0.1 and row["return"] == row["length"] == 1.0
-    assert counter.add(here, np.ones(5), nothing, nothing, info).size == 0
+    assert counter.add(np.ones(5), nothing, nothing, info).size == 0
 
 
 def test_path_and_interventions_are_those_of_a_slow_count():
     env, n, period = make_vector_env(AVOID, 6, True), 6, 0.04
     observations, _ = env.reset(options={"scene": SCENES[:n]})
-    counter = EpisodeCounter(n, period)
-    counter.start(observations)
+    counter = EpisodeCounter(env)
+    counter.start()
     path, acts, sizes = np.zeros(n), [[] for _ in range(n)], [[] for _ in range(n)]
     for _ in range(60):
         path += period * np.linalg.norm(env.unwrapped.flat_state()[:, 1], axis=1)
         observations, rewards, terminated, truncated, info = env.step(AtTheGoal().predict(observations)[0])
         assert not (terminated | truncated).any()
-        counter.add(observations, rewards, terminated, truncated, info)
+        counter.add(rewards, terminated, truncated, info)
         for i in range(n):
             acts[i].append(bool(info["shield"]["intervened"][i]))
             sizes[i].append(info["shield"]["correction"][i])
     found = counter.snapshot()["open"]
-    np.testing.assert_allclose(found["path"], path, rtol=1e-5)
+    np.testing.assert_allclose(found["path"], path, rtol=1e-12)
     assert found["interventions"].tolist() == [sum(row) for row in acts] and found["interventions"].any()
     words = ["".join("x" if act else " " for act in row).split() for row in acts]
     assert found["segments"].tolist() == [len(runs) for runs in words]
@@ -113,18 +114,54 @@ def test_path_and_interventions_are_those_of_a_slow_count():
     np.testing.assert_allclose(found["largest_correction"], np.max(sizes, axis=1))
 
 
+class Blind:
+    """Flies one way, whatever it sees."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=False):
+        return np.full((len(observation), 4), 0.3, dtype=np.float32), None
+
+
+def blank(q):
+    return np.full((*q.thrust.shape, 20), 0.7)
+
+
+@pytest.mark.parametrize("is_shielded", [False, True])
+def test_paths_do_not_depend_on_what_is_observed(is_shielded):
+    ways = {}
+    for name, observation in (("own", "relative"), ("world", "world"), ("blank", (blank, SPACE))):
+        experiment = Experiment(env_kwargs={"observation": observation})
+        ways[name] = fly(Blind(), make_vector_env(experiment, 6, is_shielded), SCENES[:6])
+    assert ways["world"].tolist() == ways["blank"].tolist() == ways["own"].tolist()
+    assert ways["own"]["path"].min() > 0.1
+
+
+def test_only_what_follows_a_reference_has_a_tracking_error():
+    assert "rms_error" not in fly(AtTheGoal(), make_vector_env(AVOID, 1, False), SCENES[:1]).dtype.names
+    track = Experiment(env="QuadSafe/Track-v0", env_kwargs={"max_episode_steps": 40})
+    flown = fly(AtTheGoal(), make_vector_env(track, 4, True), SCENES[:4])
+    shielded, errors = make_vector_env(track, 4, True), []
+    observations, _ = shielded.reset(options={"scene": SCENES[:4]})
+    for _ in range(40):
+        observations, *_, info = shielded.step(AtTheGoal().predict(observations)[0])
+        errors.append(info["tracking_error"])
+    np.testing.assert_allclose(flown["rms_error"], np.sqrt(np.mean(np.square(errors), axis=0)))
+    row = flight_row("given", 0, True, flown)
+    assert row["rms_error_least"] < row["rms_error"] == flown["rms_error"].mean() < row["rms_error_most"]
+
+
 def test_a_counter_goes_on_from_a_snapshot():
     def counted(*parts):
         env = make_vector_env(AVOID, 4, True)
         observations, _ = env.reset(options={"scene": SCENES[:4]})
-        counter = EpisodeCounter(4, 0.04)
-        counter.start(observations)
+        counter = EpisodeCounter(env)
+        counter.start()
         for steps in parts:
-            snapshot, counter = counter.snapshot(), EpisodeCounter(4, 0.04)
+            snapshot, counter = counter.snapshot(), EpisodeCounter(env)
             counter.restore(snapshot)
             for _ in range(steps):
-                observations, *told = env.step(AtTheGoal().predict(observations)[0])
-                counter.add(observations, *told)
+                told = env.step(AtTheGoal().predict(observations)[0])
+                observations = told[0]
+                counter.add(*told[1:])
         return counter.snapshot()["open"].tolist()
 
     assert counted(50) == counted(13, 0, 37)

@@ -1,8 +1,10 @@
 """Reports of runs that stopped, or that lack files: said in words, and drawn from what is there."""
 
+import re
+
 import numpy as np
 import pytest
-from made_run import STEPS, made_run, write_progress
+from made_run import AVOID, STEPS, TRACK, made_run, write_progress
 from run_files import table
 
 from agents.experiment.runs import open_run
@@ -59,10 +61,32 @@ def test_what_is_logged_is_drawn_as_the_files_have_it(tmp_path):
     assert np.isnan(curve.middle[curve.steps < float(rows[1]["time/total_timesteps"])]).all()
 
 
-def test_every_head_of_a_table_is_explained(tmp_path):
-    rows = result_rows(seed_rows(made_run(tmp_path, is_traced=False)))
+@pytest.mark.parametrize("env", [AVOID, TRACK])
+def test_every_head_of_a_table_is_explained(tmp_path, env):
+    rows = result_rows(seed_rows(made_run(tmp_path, is_traced=False, env=env)))
     heads = {*tables.training_table(rows[:1])[0], *tables.evaluation_table(rows[-1:])[0]}
-    assert heads == set(tables.LEGEND)
+    assert heads == set(tables.legend_of(rows)) and ("rms error, m" in heads) == (env == TRACK)
+    assert set(re.findall(r"^(\S.*?): ", tables.legend_text(rows), re.MULTILINE)) == heads
+
+
+def test_a_run_that_follows_tells_how_far_off_it_was_and_no_other_does(tmp_path):
+    texts, pages = {}, {}
+    for env in (AVOID, TRACK):
+        run = made_run(tmp_path / env, n_seeds=3, is_traced=False, env=env)
+        texts[env], pages[env] = write_report(run), (run.folder / "report.html").read_text()
+        assert ("rms_error" in (run.folder / "results.csv").read_text()) == (env == TRACK)
+        assert ("rms_error" in (run.folder / "seeds.csv").read_text()) == (env == TRACK)
+    rows = {
+        (row["arm"], row["flown"]): row for row in result_rows(seed_rows(run)) if row["phase"] == "evaluation"
+    }
+    row = rows["shield", "on"]
+    cell = f"{row['rms_error']:.2f} [{row['rms_error_low']:.2f}, {row['rms_error_high']:.2f}]"
+    assert 0.25 < row["rms_error_low"] < row["rms_error"] < row["rms_error_high"] < 0.35
+    assert row["rms_error_difference_low"] > 0.1
+    for told in (texts, pages):
+        assert cell in told[TRACK] and "rms error" not in told[AVOID]
+    assert "kept to its reference" in pages[TRACK] and "reached the goal" not in pages[TRACK]
+    assert "reached the goal" in pages[AVOID]
 
 
 def test_settings_are_rows_and_what_is_no_yaml_is_told(tmp_path):
