@@ -18,7 +18,7 @@ from typing import NamedTuple
 from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
-from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
+from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear, thrust_leaves
 from shields.backup.stop_hull import Attempt, is_clear_at_once
 from shields.backup.stored_stop import (
     LENGTHS,
@@ -55,17 +55,29 @@ class Distances(NamedTuple):
 
 
 @kernel
-def stop_is_clear(x, start, frame, h, bodies, limits):
-    """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
-    for segment in range(SEGMENTS):
+def stop_keeps_limits(x, frame, h, limits):
+    """Whether a stop from x keeps the limits of snap, and of jerk and thrust where its arcs end."""
+    for _ in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
         if not norm(snap) <= limits.stop_snap_max:
             return False
+        x = flown(x, snap, h)
+        if not norm(x.j) <= limits.jerk_max or thrust_leaves(x.a, limits.band):
+            return False
+    return True
+
+
+@kernel
+def stop_is_clear(x, start, frame, h, bodies, limits):
+    """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
+    # Most stops that are refused are refused here, in a hundredth of the time.
+    if not stop_keeps_limits(x, frame, h, limits):
+        return False
+    for segment in range(SEGMENTS):
+        snap = dead_beat_snap(x, frame, h)
         if not arc_is_clear(x, snap, start + segment * h, h, bodies, limits.band):
             return False
         x = flown(x, snap, h)
-        if not norm(x.j) <= limits.jerk_max:
-            return False
     return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, bodies)
 
 

@@ -1,8 +1,8 @@
-"""Sixteen vehicles side by side, where nothing has to be corrected: a quick, sufficient form of ``sampled_row``.
+"""Sixteen vehicles side by side, where nothing has to be corrected: quick, and what ``sampled_row`` answers.
 
-Most rows of a period are the same work: the line of sight to each sphere, the snap uncut along it, a stop after it
-with one plane for each sphere. Here this is done in vector lanes, without branches, by the arithmetic of
-``sampled_row``: a *calm* row gets its answer bit for bit. Every other row is left to ``sampled_row``, all of it.
+Most rows of a period are the same work: a direction for each sphere along which the snap is uncut, and a stop
+after it with one plane for each sphere. Here this is done in vector lanes, without branches, by the arithmetic of
+``sampled_row``: a *calm* row gets its answer bit for bit. Any other row is left to ``sampled_row``, all of it.
 
 | lines     | of a lane                                                                        |
 |-----------|----------------------------------------------------------------------------------|
@@ -13,8 +13,9 @@ with one plane for each sphere. Here this is done in vector lanes, without branc
 | 17        | least set value so far                                                           |
 | 18:30     | flat state after the period                                                      |
 | 30:33     | first snap of the stop                                                           |
-| 33:41     | the sphere that is looked at                                                     |
-| 41 + 8k   | of sphere k: centre, radius (0: absent), direction away from it, least ``n·u``   |
+| 33:40     | of the sphere that is looked at: centre, radius (0: absent), last direction      |
+| 40:47     | whether the snap is admitted, or cut, set value, direction, ``n·u`` along it     |
+| 47 + 8k   | of sphere k: centre, radius, direction, ``n·u`` along it                         |
 
 Only spheres at rest, and only limits of snap, jerk and thrust: what there is beyond that is never calm.
 """
@@ -22,8 +23,17 @@ Only spheres at rest, and only limits of snap, jerk and thrust: what there is be
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block, store_triple, wide_vectors
-from quadsafe_core.kernels.vec3 import add, dot, norm, subtract, write3
+from quadsafe_core.kernels.lanes import (
+    LANES,
+    I,
+    U,
+    lane_triple,
+    new_block,
+    store_triple,
+    to_lanes,
+    wide_vectors,
+)
+from quadsafe_core.kernels.vec3 import add, dot, norm, subtract, triple, write3
 from quadsafe_core.maths.held_input import derivatives, lift_after, polynomial, state_after, stays_above
 from shields.backup.arcs import nearest_on_chord
 from shields.backup.stop_hull import (
@@ -46,9 +56,13 @@ from shields.interface.row_checks import DONE, opened
 from shields.interface.row_checks import ROUNDING as VALUE_ROUNDING
 from shields.methods.easing import REACH, flat_output
 from shields.methods.halfspace import above
+from shields.methods.nearest_snap import direction
 from shields.methods.sampled_row import sampled_row
 
-SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, SPHERES, PER_SPHERE = 12, 15, 16, 17, 18, 30, 33, 41, 8
+# Fewer rows than this are done one by one.
+FEW = 3
+SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, FOUND, SPHERES = 12, 15, 16, 17, 18, 30, 33, 40, 47
+PER_SPHERE = 8
 
 
 @inline_kernel
@@ -83,28 +97,32 @@ def store_lane_flat(block, i, x):
     store_triple(block, i + U(LANES * 9), x.j)
 
 
-@inline_kernel
-def fill(block, first, count, measured, plans, period):
+@kernel
+def fill(block, first, count, measured, remembered, period):
     """Rows first … first + count as they are measured; no set value so far, all of them calm."""
-    flat, snap, bodies = measured.flat, measured.snap, measured.bodies
+    to_lanes(measured.flat.reshape(-1), 12, first, count, block, I(0))
     for i in range(count):
         row = first + i
-        for order in range(4):
-            for axis in range(3):
-                block[LANES * (3 * order + axis) + i] = flat[row, order, axis]
         for axis in range(3):
-            block[LANES * (SNAP + axis) + i] = snap[row, axis]
-        block[LANES * LENGTH + i] = periods_of(plans[row]["choice"], period) * period
+            block[LANES * (SNAP + axis) + i] = measured.snap[row, axis]
+        block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
         block[LANES * CALM + i], block[LANES * VALUE + i] = 1.0, math.inf
+    fill_spheres(block, first, count, measured.bodies, remembered.half_spaces)
+
+
+@inline_kernel
+def fill_spheres(block, first, count, bodies, half_spaces):
+    """The spheres of rows first … first + count; a row where one moves is not calm."""
     for k in range(bodies.radius.shape[1]):
         at = LANES * (SPHERES + PER_SPHERE * k)
         for i in range(count):
-            row, is_still = first + i, True
-            for axis in range(3):
-                block[at + LANES * axis + i] = bodies.center[row, k, axis]
-                is_still &= bodies.velocity[row, k, axis] == 0.0
-            block[at + LANES * 3 + i] = bodies.radius[row, k]
-            if not is_still:
+            row = first + i
+            x, y, z = triple(bodies.center, row, k)
+            block[at + i], block[at + LANES + i], block[at + 2 * LANES + i] = x, y, z
+            block[at + 3 * LANES + i] = bodies.radius[row, k]
+            x, y, z = direction(half_spaces[row, k])
+            block[at + 4 * LANES + i], block[at + 5 * LANES + i], block[at + 6 * LANES + i] = x, y, z
+            if triple(bodies.velocity, row, k) != NOTHING:
                 block[LANES * CALM + i] = 0.0
 
 
@@ -114,34 +132,6 @@ def least_of(x, u_max):
     value, t_star = quick_lower4(x[0], x[1], x[2], x[3], u_max, 0.0)
     rises = (x[0] >= 0.0) & (x[1] >= 0.0) & (x[2] >= 0.0)
     return x[3] - 0.0 if rises else value, 0.0 if rises else t_star
-
-
-@inline_kernel
-def is_uncut(y, distance, wish, sampling):
-    """Whether the sampled filter admits an input along n as it is, well off the border; and the set value.
-
-    The first look of ``shields.filters.sampled.required``, in its set; y is the chain, highest derivative first.
-    """
-    u_max, period, easing = sampling.u_max, sampling.period, sampling.easing
-    x = above(y, distance)
-    value, t_star = least_of(x, u_max)
-    full = derivatives(4, x, u_max)
-    p = polynomial(full)
-    target = (1.0 - sampling.gamma) * value
-    lift = lift_after(4, period)
-    t = max(t_star, period)
-    most = state_after(full, t)
-    slope = state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
-    noise = ROUNDING * size_of_terms(p, t)
-    room, lack = most[3] - target, u_max - wish
-    is_free = not room + noise < lack * slope[3]
-    speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
-    room -= lack * slope[3] + noise
-    rises = is_above(room, speed, bend, most[0] - lack * slope[0], u_max, t - period)
-    level = target + ROUNDING * size_of_terms(p, period)
-    keeps = stays_above(derivatives(4, x, wish), period, level)
-    is_off_border = easing.feedback[0] * flat_output(x, period) > REACH * u_max
-    return is_off_border & (value >= 0.0) & (wish < u_max) & is_free & rises & keeps, value
 
 
 @inline_kernel
@@ -155,28 +145,104 @@ def copy_lines(block, source, target, lines):
 
 
 @inline_kernel
+def admission(y, distance, wish, sampling):
+    """Whether an input along n is admitted as it is, the set value, and whether it is cut, off the border.
+
+    The first look of ``shields.filters.sampled.required`` in its set; y is the chain, highest derivative first.
+    Where neither is sure, both are False.
+    """
+    u_max, period, easing = sampling.u_max, sampling.period, sampling.easing
+    x = above(y, distance)
+    value, t_star = least_of(x, u_max)
+    full = derivatives(4, x, u_max)
+    p, lift = polynomial(full), lift_after(4, period)
+    target, t = (1.0 - sampling.gamma) * value, max(t_star, period)
+    most, slope = state_after(full, t), state_after((0.0, lift[0], lift[1], lift[2], lift[3]), t - period)
+    noise = ROUNDING * size_of_terms(p, t)
+    room, lack = most[3] - target, u_max - wish
+    is_short = room + noise < lack * slope[3]
+    needed = u_max - (room - 2.0 * noise) / slope[3]
+    speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
+    left = room - (lack * slope[3] + noise)
+    rises = is_above(left, speed, bend, most[0] - lack * slope[0], u_max, t - period)
+    level = target + ROUNDING * size_of_terms(p, period)
+    keeps = stays_above(derivatives(4, x, wish), period, level)
+    is_sure = (easing.feedback[0] * flat_output(x, period) > REACH * u_max) & (value >= 0.0)
+    does = is_sure & ((wish >= u_max) | ((not is_short) & rises & keeps))
+    return does, value, is_sure & (wish < u_max) & is_short & (needed + ROUNDING * abs(needed) > wish)
+
+
+@inline_kernel
+def along(block, i, n, settings):
+    """``admission`` of the snap of lane i along n, away from the sphere that is looked at, and ``n·u``."""
+    x, wish = lane_flat(block, i), dot(n, lane_triple(block, i + U(LANES * SNAP)))
+    gap = subtract(x.r, lane_triple(block, i + U(LANES * SEEN)))
+    y, radius = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, gap)), block[i + U(LANES * (SEEN + 3))]
+    does, value, is_cut = admission(y, (1 + settings.margin) * radius, wish, settings.sampling)
+    return does, value, is_cut, wish
+
+
+@inline_kernel
+def look_along_sight(block, count, settings):
+    """The sphere that is looked at along the line of sight."""
+    for i in range(U(count)):
+        gap = subtract(lane_triple(block, i), lane_triple(block, i + U(LANES * SEEN)))
+        distance = norm(gap)
+        n = (gap[0] / distance, gap[1] / distance, gap[2] / distance)
+        does, value, is_cut, wish = along(block, i, n, settings)
+        is_far = (distance >= LEAST_DISTANCE) & (distance >= block[i + U(LANES * (SEEN + 3))])
+        block[i + U(LANES * FOUND)] = 1.0 if does & is_far else 0.0
+        block[i + U(LANES * (FOUND + 1))] = 1.0 if is_cut & is_far else 0.0
+        block[i + U(LANES * (FOUND + 2))] = value
+        store_triple(block, i + U(LANES * (FOUND + 3)), n)
+        block[i + U(LANES * (FOUND + 6))] = wish
+
+
+@inline_kernel
+def look_along_last(block, count, settings):
+    """The sphere that is looked at along the last direction, in the lanes where the line of sight is cut."""
+    for i in range(U(count)):
+        n = lane_triple(block, i + U(LANES * (SEEN + 4)))
+        does, value, _, wish = along(block, i, n, settings)
+        takes = does & (dot(n, n) > 0.0) & (block[i + U(LANES * (FOUND + 1))] > 0.0)
+        sight = lane_triple(block, i + U(LANES * (FOUND + 3)))
+        block[i + U(LANES * FOUND)] = 1.0 if takes else block[i + U(LANES * FOUND)]
+        block[i + U(LANES * (FOUND + 2))] = value if takes else block[i + U(LANES * (FOUND + 2))]
+        kept = (n[0] if takes else sight[0], n[1] if takes else sight[1], n[2] if takes else sight[2])
+        store_triple(block, i + U(LANES * (FOUND + 3)), kept)
+        block[i + U(LANES * (FOUND + 6))] = wish if takes else block[i + U(LANES * (FOUND + 6))]
+
+
+@inline_kernel
+def note_sphere(block, count):
+    """Rows whose snap is not admitted are not calm; the least value of the others."""
+    for i in range(U(count)):
+        is_absent = not block[i + U(LANES * (SEEN + 3))] > 0.0
+        does, value = block[i + U(LANES * FOUND)] > 0.0, block[i + U(LANES * (FOUND + 2))]
+        before, calm = block[i + U(LANES * VALUE)], block[i + U(LANES * CALM)]
+        block[i + U(LANES * VALUE)] = before if is_absent else min(before, value)
+        block[i + U(LANES * CALM)] = calm if is_absent | does else 0.0
+
+
+@inline_kernel
+def is_any_cut(block, count):
+    """Whether the line of sight is cut in one of the lanes."""
+    cut = 0.0
+    for i in range(U(count)):
+        cut += block[i + U(LANES * (FOUND + 1))]
+    return cut > 0.0
+
+
+@inline_kernel
 def look_at_spheres(block, count, spheres, settings):
     """Direction and set value of each sphere; rows that one of them cuts are not calm."""
-    sampling, margin = settings.sampling, settings.margin
     for k in range(U(spheres)):
-        copy_lines(block, sphere_at(k), U(LANES * SEEN), I(4))
-        for i in range(U(count)):
-            x, wanted = lane_flat(block, i), lane_triple(block, i + U(LANES * SNAP))
-            radius = block[i + U(LANES * (SEEN + 3))]
-            gap = subtract(x.r, lane_triple(block, i + U(LANES * SEEN)))
-            distance = norm(gap)
-            n = (gap[0] / distance, gap[1] / distance, gap[2] / distance)
-            y = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, gap))
-            wish = dot(n, wanted)
-            does, value = is_uncut(y, (1 + margin) * radius, wish, sampling)
-            does = does & (distance >= LEAST_DISTANCE) & (distance >= radius)
-            is_absent = not radius > 0.0
-            before, calm = block[i + U(LANES * VALUE)], block[i + U(LANES * CALM)]
-            block[i + U(LANES * VALUE)] = before if is_absent else min(before, value)
-            block[i + U(LANES * CALM)] = calm if is_absent | does else 0.0
-            store_triple(block, i + U(LANES * (SEEN + 4)), n)
-            block[i + U(LANES * (SEEN + 7))] = wish
-        copy_lines(block, U(LANES * (SEEN + 4)), sphere_at(k) + U(LANES * 4), I(4))
+        copy_lines(block, sphere_at(k), U(LANES * SEEN), I(7))
+        look_along_sight(block, count, settings)
+        if is_any_cut(block, count):
+            look_along_last(block, count, settings)
+        note_sphere(block, count)
+        copy_lines(block, U(LANES * (FOUND + 3)), sphere_at(k) + U(LANES * 4), I(4))
 
 
 @inline_kernel
@@ -233,7 +299,7 @@ def look_at_block(block, count, spheres, settings):
     look_at_stops(block, count, spheres, settings)
 
 
-@inline_kernel
+@kernel
 def store_stop(i, block, plan, period):
     """``write_stop`` of lane i."""
     plan["is_stored"], plan["segments_left"] = True, SEGMENTS
@@ -244,7 +310,7 @@ def store_stop(i, block, plan, period):
     write3(plan["snap"], lane_triple(block, i + LANES * STOP))
 
 
-@inline_kernel
+@kernel
 def store_calm(i, row, block, remembered, answers, period):
     """The answer of a calm lane into its row: the desired snap, and what is remembered."""
     fact = answers.facts[row]
@@ -262,15 +328,6 @@ def store_calm(i, row, block, remembered, answers, period):
             chosen["least"] = block[at + LANES * 7]
 
 
-@inline_kernel
-def calm_row(i, row, block, measured, remembered, settings, answers):
-    """The answer of lane i: what was found if it is calm, else by ``sampled_row``; a code."""
-    if block[LANES * CALM + i] > 0.0:
-        store_calm(i, row, block, remembered, answers, settings.flight.period)
-        return DONE
-    return sampled_row(row, measured, remembered, settings, answers)
-
-
 @kernel
 def rows_in_blocks(measured, remembered, settings, answers):
     """``sampled_row`` of every row, sixteen at a time; the first code that is not ``DONE``."""
@@ -278,11 +335,16 @@ def rows_in_blocks(measured, remembered, settings, answers):
     block = block_for(spheres)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
-        fill(block, first, count, measured, remembered.plans, settings.flight.period)
-        look_at_block(block, count, spheres, settings)
+        if count >= FEW:
+            fill(block, first, count, measured, remembered, settings.flight.period)
+            look_at_block(block, count, spheres, settings)
+        else:
+            block[LANES * CALM : LANES * CALM + count] = 0.0
         for i in range(count):
-            if code == DONE:
-                code = calm_row(i, first + i, block, measured, remembered, settings, answers)
+            if block[LANES * CALM + i] > 0.0:
+                store_calm(i, first + i, block, remembered, answers, settings.flight.period)
+            elif code == DONE:
+                code = sampled_row(first + i, measured, remembered, settings, answers)
     return code
 
 
@@ -299,8 +361,9 @@ def rows_one_by_one(measured, remembered, settings, answers):
 @kernel
 def sampled_rows(cores, closing, authority, measured, remembered, settings, answers):
     """``sampled_row`` of every row; in blocks where there are spheres only, and no limits but of a flight."""
-    if cores is None:
-        if closing is None:
+    # One condition each, or none would be dropped where it is compiled.
+    if cores is None:  # noqa: SIM102
+        if closing is None:  # noqa: SIM102
             if authority is None:
                 return rows_in_blocks(measured, remembered, settings, answers)
     return rows_one_by_one(measured, remembered, settings, answers)

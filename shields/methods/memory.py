@@ -31,6 +31,7 @@ SETTINGS = np.dtype(
         ("rows", "i8"),  # N
         ("obstacles", "i8"),  # K
         ("delay", "i8"),  # periods
+        ("looks_ahead", "i8"),  # whether answers may be on their way, or lost: 0 or 1
         ("u_max", "f8"),  # m/s⁴
         ("gamma", "f8"),
         ("input_max", "f8"),  # m/s⁴
@@ -109,14 +110,14 @@ class SampledMemory(NamedTuple):
 
 
 class TubeMemory(NamedTuple):
-    """What a tube needs as well.
+    """What a tube needs as well; without answers that are on their way, or lost, M is 0, else N.
 
     | field    | shape     | meaning                                                                  |
     |----------|-----------|--------------------------------------------------------------------------|
-    | flats    | (N, 4, 3) | flat states when all that is on its way has been flown, SI               |
-    | centers  | (N, K, 3) | centres of the spheres by then, m                                        |
+    | flats    | (M, 4, 3) | flat states when all that is on its way has been flown, SI               |
+    | centers  | (M, K, 3) | centres of the spheres by then, m                                        |
     | radii    | (N, K)    | radii with the tube, m                                                   |
-    | before   | (N,)      | the stops before the last answers                                        |
+    | before   | (M,)      | the stops before the last answers                                        |
     | pending  | (N, d, 3) | the answers that are on their way, m/s⁴                                  |
     | chains   | (N,)      | how many of the last answers were certified, without a break             |
     """
@@ -140,12 +141,13 @@ def sampled_memory(memory, n, k):
 
 
 @register_jitable
-def tube_memory(memory, n, k, delay):
+def tube_memory(memory, n, k, delay, looks_ahead):
     """The parts of the bytes behind a ``SampledMemory``."""
-    flats, memory = taken(memory, FLOATS, (n, 4, 3))
-    centers, memory = taken(memory, FLOATS, (n, k, 3))
+    m = n if looks_ahead else 0
+    flats, memory = taken(memory, FLOATS, (m, 4, 3))
+    centers, memory = taken(memory, FLOATS, (m, k, 3))
     radii, memory = taken(memory, FLOATS, (n, k))
-    before, memory = taken(memory, PLANS, (n,))
+    before, memory = taken(memory, PLANS, (m,))
     pending, memory = taken(memory, FLOATS, (n, delay, 3))
     chains, memory = taken(memory, FLOATS, (n,))
     return TubeMemory(flats, centers, radii, before, pending, chains)
@@ -202,18 +204,19 @@ def sampled_size(n: int, k: int) -> int:
     return SETTINGS.itemsize + n * PLAN.itemsize + n * k * (HALF_SPACE.itemsize + velocity)
 
 
-def tube_size(n: int, k: int, delay: int) -> int:
+def tube_size(n: int, k: int, delay: int, looks_ahead: bool) -> int:
     """Bytes of a ``TubeMemory``."""
     flat, center, radius, answer, chain = 12, 3, 1, 3, 1
-    numbers = flat + k * (center + radius) + delay * answer + chain
-    return n * (PLAN.itemsize + numbers * FLOATS.itemsize)
+    ahead = PLAN.itemsize + (flat + k * center) * FLOATS.itemsize if looks_ahead else 0
+    return n * (ahead + (k * radius + delay * answer + chain) * FLOATS.itemsize)
 
 
-def empty_memory(n: int, k: int, delay: int, size: int) -> NDArray[np.uint8]:
+def empty_memory(n: int, k: int, size: int, delay: int = 0, looks_ahead: bool = False) -> NDArray[np.uint8]:
     """Memory of so many bytes for N vehicles and K spheres that remembers nothing."""
     memory = np.zeros(size, dtype=np.uint8)
     settings, _ = taken(memory, SETTINGS_ROW, (1,))
-    settings[0]["rows"], settings[0]["obstacles"], settings[0]["delay"] = n, k, delay
+    settings[0]["rows"], settings[0]["obstacles"] = n, k
+    settings[0]["delay"], settings[0]["looks_ahead"] = delay, looks_ahead
     return memory
 
 

@@ -176,4 +176,3 @@ def sampled_row(i, measured, remembered, settings, answers):
         note_kind(fact, kind, is_outside or settings.tube is not None)
         fact["reserve"] /= settings.sampling.u_max
     return DONE if answer(i, wanted, u, answers) else TOO_LARGE
-

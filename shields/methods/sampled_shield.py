@@ -47,7 +47,9 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
     code = checked_rows(measured, n, k)
     if code != DONE:
         return code
-    return sampled_rows(cores, settings.closing, settings.sampling.authority, measured, held.rows, settings, answers)
+    return sampled_rows(
+        cores, settings.closing, settings.sampling.authority, measured, held.rows, settings, answers
+    )
 
 
 @kernel
@@ -66,7 +68,7 @@ class SampledMethod:
     def allocate(self, rows: int, obstacles: int) -> None:
         """Empty memory for every row."""
         self._size = (rows, obstacles)
-        self.memory = empty_memory(rows, obstacles, 0, sampled_size(rows, obstacles))
+        self.memory = empty_memory(rows, obstacles, sampled_size(rows, obstacles))
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""

@@ -61,15 +61,26 @@ def predicted(x, pending, period):
     return x
 
 
-@inline_kernel
-def write_world_ahead(i, ahead, bodies, width, tubes):
-    """Put down the bodies of row i as they will be in ``ahead`` seconds, with radii larger by the tube."""
-    center, velocity, radius = bodies.center, bodies.velocity, bodies.radius
-    for k in range(radius.shape[1]):
-        write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
-        # An absent sphere stays one.
-        is_body = is_there(entry_at(bodies.cores, (i, k)), radius[i, k])
-        tubes.radii[i, k] = radius[i, k] + width.vehicle if is_body else 0.0
+@kernel
+def look_ahead(measured, delay, held, tubes):
+    """Put down every row as it will be when the answer is flown, and its stop before that."""
+    center, velocity, period = measured.bodies.center, measured.bodies.velocity, held.settings[0]["period"]
+    for i in range(measured.flat.shape[0]):
+        x = flat_of_row(i, measured.flat)
+        write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
+        for k in range(center.shape[1]):
+            write3(tubes.centers[i, k], combined(triple(center, i, k), delay * period, triple(velocity, i, k)))
+        tubes.before[i] = held.rows.plans[i]
+
+
+@kernel
+def widen(bodies, width, radii):
+    """Radii larger by the tube; an absent sphere stays one."""
+    for i in range(radii.shape[0]):
+        for k in range(radii.shape[1]):
+            radius = bodies.radius[i, k]
+            is_body = is_there(entry_at(bodies.cores, (i, k)), radius)
+            radii[i, k] = radius + width.vehicle if is_body else 0.0
 
 
 @inline_kernel
@@ -82,34 +93,51 @@ def send(snap, pending):
         write3(pending[last], vector(snap))
 
 
-@kernel
-def is_here_clear(i, x, bodies, pending, chains, width, period):
-    """Whether the vehicle as it is, not only as it will be, is where a certificate has it.
+@inline_kernel
+def is_outside(i, x, bodies, error):
+    """Whether x is in no body of row i by more than errors do."""
+    for k in range(bodies.radius.shape[1]):
+        core, radius = entry_at(bodies.cores, (i, k)), bodies.radius[i, k]
+        if is_there(core, radius):
+            if distance_from(core, subtract(x.r, triple(bodies.center, i, k))) < radius - error:
+                return False
+    return True
 
-    Where all that is on its way was certified, no point of its path may lie in a body by more than errors do.
-    Before that the path must be clear for sure.
+
+@kernel
+def is_way_clear(i, x, bodies, tubes, error, period):
+    """Whether what is on its way to row i keeps clear of the bodies.
+
+    Where all of it was certified, no point of its path may lie in a body by more than errors do. Before that the
+    path must be clear for sure.
     """
-    own = bodies_of_row(i, bodies)
-    error, delay, count = width.estimate - width.vehicle, pending.shape[1], own.keep_out.shape[0]
-    for k in range(count):
-        core, gap = entry_at(own.cores, k), subtract(x.r, vector(own.center[k]))
-        if is_there(core, own.keep_out[k]) and distance_from(core, gap) < own.keep_out[k] - error:
-            return False
-    if delay == 0:
-        return True
-    is_chained, keep_out = chains[i] >= delay, np.zeros(count)
-    for k in range(count):
+    own, delay = bodies_of_row(i, bodies), tubes.pending.shape[1]
+    is_chained, keep_out = tubes.chains[i] >= delay, np.zeros(own.keep_out.shape[0])
+    for k in range(keep_out.shape[0]):
         radius = own.keep_out[k]
         if is_there(entry_at(own.cores, k), radius):
             keep_out[k] = max(radius - error, 0.0) if is_chained else radius + error
     kept = MovingBodies(own.center, own.velocity, keep_out, own.cores)
     for answer in range(delay):
-        snap = triple(pending, i, answer)
+        snap = triple(tubes.pending, i, answer)
         found = look_at_arc(x, snap, answer * period, period, kept, ANY_THRUST)
         if found == HIT or (found != CLEAR and not is_chained):
             return False
         x = flown(x, snap, period)
     return True
+
+
+@kernel
+def close_rows(measured, answers, tubes, width, period):
+    """Withdraw certificates where the vehicle as it is is not where they have it; send the answers on their way."""
+    error, delay, bodies = width.estimate - width.vehicle, tubes.pending.shape[1], measured.bodies
+    for i in range(measured.flat.shape[0]):
+        x = flat_of_row(i, measured.flat)
+        is_here = is_outside(i, x, bodies, error)
+        if delay > 0:
+            is_here = is_here and is_way_clear(i, x, bodies, tubes, error, period)
+            send(answers.safe[i], tubes.pending[i])
+        withdraw(i, answers.facts[i], is_here, tubes.chains)
 
 
 @inline_kernel
@@ -130,27 +158,24 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
     held, rest = sampled_memory(memory, n, k)
-    tubes = tube_memory(rest, n, k, held.settings[0]["delay"])
+    delay, looks_ahead = held.settings[0]["delay"], held.settings[0]["looks_ahead"] > 0
+    tubes = tube_memory(rest, n, k, delay, looks_ahead)
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
     bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
     measured = Measured(borrowed(flat), bodies, borrowed(snap))
-    bodies_ahead = Bodies(tubes.centers, bodies.velocity, tubes.radii, bodies.cores)
-    ahead = Measured(tubes.flats, bodies_ahead, measured.snap)
-    width, period, delay = settings.tube, settings.flight.period, tubes.pending.shape[1]
     code = checked_rows(measured, n, k)
     if code != DONE:
         return code
-    for i in range(n):
-        x = flat_of_row(i, measured.flat)
-        write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
-        write_world_ahead(i, delay * period, bodies, width, tubes)
-        tubes.before[i] = held.rows.plans[i]
-    code = sampled_rows(cores, settings.closing, settings.sampling.authority, ahead, held.rows, settings, answers)
-    for i in range(n):
-        x = flat_of_row(i, measured.flat)
-        is_here = is_here_clear(i, x, bodies, tubes.pending, tubes.chains, width, period)
-        withdraw(i, answers.facts[i], is_here, tubes.chains)
-        send(answers.safe[i], tubes.pending[i])
+    flats, centers = measured.flat, bodies.center
+    if looks_ahead:
+        look_ahead(measured, delay, held, tubes)
+        flats, centers = tubes.flats, tubes.centers
+    widen(bodies, settings.tube, tubes.radii)
+    ahead = Measured(flats, Bodies(centers, bodies.velocity, tubes.radii, bodies.cores), measured.snap)
+    code = sampled_rows(
+        cores, settings.closing, settings.sampling.authority, ahead, held.rows, settings, answers
+    )
+    close_rows(measured, answers, tubes, settings.tube, settings.flight.period)
     return code
 
 
@@ -183,7 +208,7 @@ def backup_batch(mask, memory, out):
     first, _ = taken(memory, SETTINGS_ROW, (1,))
     n, k, delay = first[0]["rows"], first[0]["obstacles"], first[0]["delay"]
     held, rest = sampled_memory(memory, n, k)
-    tubes, settings = tube_memory(rest, n, k, delay), settings_of(held.settings[0], (None, None, None))
+    tubes, settings = tube_memory(rest, n, k, delay, True), settings_of(held.settings[0], (None, None, None))
     for i in range(n):
         if mask[i]:
             backup_row(i, held, tubes, settings, out)
@@ -196,23 +221,27 @@ class TubeMethod:
         uncertainty = checked_uncertainty(settings["uncertainty"])
         assert uncertainty is not None
         self._settings, self._uncertainty = settings, uncertainty
+        # The delay, and whether answers may be on their way, or lost.
+        self._ahead = uncertainty.delay, uncertainty.delay > 0 or uncertainty.losses
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Empty memory for every row."""
-        self._size, delay = (rows, obstacles), self._uncertainty.delay
-        size = sampled_size(rows, obstacles) + tube_size(rows, obstacles, delay)
-        self.memory = empty_memory(rows, obstacles, delay, size)
+        self._size = rows, obstacles
+        size = sampled_size(rows, obstacles) + tube_size(rows, obstacles, *self._ahead)
+        self.memory = empty_memory(rows, obstacles, size, *self._ahead)
 
     def _parts(self) -> tuple[SampledMemory, TubeMemory]:
         """Made when they are used: a copy of this object has a memory of its own."""
         held, rest = sampled_memory(self.memory, *self._size)
-        return held, tube_memory(rest, *self._size, self._uncertainty.delay)
+        return held, tube_memory(rest, *self._size, *self._ahead)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows; what was on its way to them is not flown."""
         held, tubes = self._parts()
         held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
-        held.rows.plans[mask] = tubes.before[mask] = np.zeros((), dtype=PLAN)
+        held.rows.plans[mask] = np.zeros((), dtype=PLAN)
+        if self._ahead[1]:
+            tubes.before[mask] = np.zeros((), dtype=PLAN)
         tubes.pending[mask], tubes.chains[mask] = 0.0, 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
@@ -231,7 +260,7 @@ class TubeMethod:
         """Go on from the memory of an equal method."""
         held, rest = sampled_memory(found, *self._size)
         check_stops(held.rows.plans)
-        check_stops(tube_memory(rest, *self._size, self._uncertainty.delay).before)
+        check_stops(tube_memory(rest, *self._size, *self._ahead).before)
         recall(self.memory, found)
 
     def at(self, period: float) -> Kernels:

@@ -400,7 +400,7 @@ def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted
     wrong[1, 0] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
         braked = recorder.filter(wrong, Obstacles.spheres(center, radius), np.full((2, 3), 7.0), 0.02)
-    pending = tube_memory(sampled_memory(shield.snapshot()["memory"], 2, 1)[1], 2, 1, 2).pending
+    pending = tube_memory(sampled_memory(shield.snapshot()["memory"], 2, 1)[1], 2, 1, 2, True).pending
     np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
 

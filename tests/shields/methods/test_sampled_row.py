@@ -110,11 +110,11 @@ def test_an_authority_arrives_with_a_reserve_for_the_feedback():
 @pytest.mark.interpreted
 def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes():
     n, k, delay = 5, 3, 2
-    memory = empty_memory(n, k, delay, sampled_size(n, k) + tube_size(n, k, delay))
+    memory = empty_memory(n, k, sampled_size(n, k) + tube_size(n, k, delay, True), delay, True)
     assert not memory[24:].any()
     held, rest = sampled_memory(memory, n, k)
     assert held.settings[0][["rows", "obstacles", "delay"]].item() == (n, k, delay)
-    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, delay)]
+    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, delay, True)]
     begin = memory.ctypes.data
     for part in parts:
         assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
