@@ -24,10 +24,7 @@ from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract
 from quadsafe_core.shapes.distance import nearest_point
 from shields.chains.braking_arcs import BrakingBounds
 from shields.filters.braking_backup import braking_held_input
-from shields.filters.sampled import required
-from shields.interface.bodies import ROUNDS, facing, look_at, raised
-from shields.interface.records import Demand
-from shields.methods.easing import (
+from shields.filters.easing import (
     BORDER,
     LET_GO,
     REACH,
@@ -35,10 +32,14 @@ from shields.methods.easing import (
     SHARE,
     SLACK,
     Easing,
+    above,
     easing_input,
     flat_output,
     is_in_cone,
 )
+from shields.filters.sampled import required
+from shields.interface.bodies import ROUNDS, facing, look_at, raised
+from shields.interface.records import Demand
 
 # Beyond this the straight prediction says nothing, s.
 HORIZON = 2.0
@@ -50,7 +51,7 @@ class Sampling(NamedTuple):
     """ū, its decay γ = 1 − e^(−αΔ), U_max, the period Δ, the authority that bounds jerk and acceleration.
 
     Without an authority only the snap is bounded, and nothing of the braking set is compiled. With an easing a
-    slow vehicle comes to rest at the border (``shields.methods.easing``); without one the half-spaces are those
+    slow vehicle comes to rest at the border (``shields.filters.easing``); without one the half-spaces are those
     of g_4.
     """
 
@@ -71,12 +72,6 @@ def least_along(n, state, wanted, distance, sampling, authority):
     bounds = BrakingBounds(distance, authority.jerk_max, reach, -authority.snap_max, authority.snap_max)
     u, value, is_admissible = braking_held_input(state, wanted, bounds, sampling.period, sampling.gamma)
     return max(u, wanted), max(value, LEAST), is_admissible
-
-
-@inline_kernel
-def above(state, distance):
-    """The chain relative to the distance to keep."""
-    return (state[0], state[1], state[2], state[3] - distance)
 
 
 @inline_kernel

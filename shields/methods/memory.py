@@ -18,10 +18,10 @@ from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
 from shields.backup.stored_stop import LENGTHS, PLAN, SEGMENTS
+from shields.filters.easing import Easing, easing_at
 from shields.interface.filtered import NUMBERS
 from shields.interface.records import FlightLimits, FlightRules, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, FLOATS
-from shields.methods.easing import Easing, easing_at
 from shields.methods.flight_bounds import FlightBounds, closing_bounds
 from shields.methods.halfspace import Sampling
 

@@ -13,7 +13,6 @@ from shields.backup.stored_stop import PLAN
 from shields.interface.bodies import are_cores_of, unpacked
 from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
-from shields.methods.calm_block import sampled_rows
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
@@ -28,6 +27,7 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
+from shields.methods.sampled_rows import sampled_rows
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
 # only; at 8 1/s that carried vehicles off their stops at 20 Hz, and from there into the sphere.

@@ -30,7 +30,6 @@ from shields.interface.bodies import (
 )
 from shields.interface.records import Bodies, Measured, MovingBodies
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
-from shields.methods.calm_block import sampled_rows
 from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
@@ -50,6 +49,7 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
+from shields.methods.sampled_rows import sampled_rows
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
 
 
@@ -98,9 +98,9 @@ def is_outside(i, x, bodies, error):
     """Whether x is in no body of row i by more than errors do."""
     for k in range(bodies.radius.shape[1]):
         core, radius = entry_at(bodies.cores, (i, k)), bodies.radius[i, k]
-        if is_there(core, radius):
-            if distance_from(core, subtract(x.r, triple(bodies.center, i, k))) < radius - error:
-                return False
+        gap = subtract(x.r, triple(bodies.center, i, k))
+        if is_there(core, radius) and distance_from(core, gap) < radius - error:
+            return False
     return True
 
 
@@ -108,8 +108,8 @@ def is_outside(i, x, bodies, error):
 def is_way_clear(i, x, bodies, tubes, error, period):
     """Whether what is on its way to row i keeps clear of the bodies.
 
-    Where all of it was certified, no point of its path may lie in a body by more than errors do. Before that the
-    path must be clear for sure.
+    Where all of it was certified, no point of its path may lie in a body by more than errors do. Before that
+    the path must be clear for sure.
     """
     own, delay = bodies_of_row(i, bodies), tubes.pending.shape[1]
     is_chained, keep_out = tubes.chains[i] >= delay, np.zeros(own.keep_out.shape[0])
@@ -129,7 +129,7 @@ def is_way_clear(i, x, bodies, tubes, error, period):
 
 @kernel
 def close_rows(measured, answers, tubes, width, period):
-    """Withdraw certificates where the vehicle as it is is not where they have it; send the answers on their way."""
+    """Withdraw certificates where the vehicle is not where they have it; send the answers on their way."""
     error, delay, bodies = width.estimate - width.vehicle, tubes.pending.shape[1], measured.bodies
     for i in range(measured.flat.shape[0]):
         x = flat_of_row(i, measured.flat)
@@ -175,7 +175,8 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     code = sampled_rows(
         cores, settings.closing, settings.sampling.authority, ahead, held.rows, settings, answers
     )
-    close_rows(measured, answers, tubes, settings.tube, settings.flight.period)
+    if code == DONE:
+        close_rows(measured, answers, tubes, settings.tube, settings.flight.period)
     return code
 
 

@@ -13,13 +13,13 @@ from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCER
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
 from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
 from shields.chains.flat_state import Flat, flown
+from shields.filters.easing import POLE
 from shields.filters.sampled import sampled_input
 from shields.interface.bodies import as_one_row
 from shields.interface.filtered import FACTS
 from shields.interface.records import Demand, FlightLimits, MovingBodies, ThrustBand
 from shields.interface.row_checks import BRAKING_POLE, braking, opened
 from shields.methods.authority_limits import limit_demand
-from shields.methods.easing import POLE
 from shields.methods.flight_bounds import RESERVED, bounds_of
 from shields.methods.halfspace import excess
 from shields.methods.memory import (

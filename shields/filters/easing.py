@@ -39,6 +39,12 @@ class Easing(NamedTuple):
 
 
 @inline_kernel
+def above(state, distance):
+    """The chain relative to the distance to keep."""
+    return (state[0], state[1], state[2], state[3] - distance)
+
+
+@inline_kernel
 def easing_input(x, easing):
     """(E1); x highest derivative first."""
     k = easing.feedback

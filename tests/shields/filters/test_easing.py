@@ -13,9 +13,7 @@ from quadsafe_core.shapes import Obstacles
 from quadsafe_env.vehicle.state import hover_state
 from shields import Shield, ShieldWrapper
 from shields.chains.flat_state import Flat, flown
-from shields.filters.sampled import sampled_value
-from shields.interface.bodies import Kept
-from shields.methods.easing import (
+from shields.filters.easing import (
     POLE,
     Easing,
     easing_at,
@@ -24,6 +22,8 @@ from shields.methods.easing import (
     is_in_cone,
     next_in_line,
 )
+from shields.filters.sampled import sampled_value
+from shields.interface.bodies import Kept
 from shields.methods.halfspace import Sampling, demand_along
 
 U_MAX, MARGIN = 200.0, 0.005

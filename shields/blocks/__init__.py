@@ -1,0 +1,1 @@
+"""Sixteen vehicles side by side, where nothing has to be corrected."""

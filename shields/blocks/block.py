@@ -1,0 +1,103 @@
+"""Sixteen vehicles side by side, where nothing has to be corrected: quick, and what ``sampled_row`` answers.
+
+Most rows of a period are the same work: a direction for each sphere along which the snap is uncut, and a stop
+after it with one plane for each sphere. Here this is done in vector lanes, without branches, as by
+``sampled_row``: a *calm* row gets its answer bit for bit. Any other row is left to ``sampled_row``, all of it.
+
+| lines     | of a lane                                                                        |
+|-----------|----------------------------------------------------------------------------------|
+| 0:12      | flat state                                                                       |
+| 12:15     | desired snap                                                                     |
+| 15        | length of a segment of the stop, s                                               |
+| 16        | 1 while the row is calm, else 0                                                  |
+| 17        | least set value so far                                                           |
+| 18:30     | flat state after the period                                                      |
+| 30:33     | first snap of the stop                                                           |
+| 33:40     | of the sphere that is looked at: centre, radius (0: absent), last direction      |
+| 40:47     | whether the snap is admitted, or cut, set value, direction, ``n·u`` along it     |
+| 47 + 8k   | of sphere k: centre, radius, direction, ``n·u`` along it                         |
+
+Only spheres at rest, and only limits of snap, jerk and thrust: what there is beyond that is never calm.
+"""
+
+import math
+
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block, store_triple, to_lanes
+from quadsafe_core.kernels.vec3 import triple
+from shields.backup.stored_stop import NOTHING, periods_of
+from shields.chains.flat_state import Flat
+
+SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, FOUND, SPHERES = 12, 15, 16, 17, 18, 30, 33, 40, 47
+PER_SPHERE = 8
+
+
+@inline_kernel
+def block_for(spheres):
+    """Memory for sixteen rows among so many spheres."""
+    return new_block(SPHERES + PER_SPHERE * spheres)
+
+
+@inline_kernel
+def sphere_at(k):
+    """Where the lines of sphere k begin."""
+    return U(LANES * SPHERES) + U(LANES * PER_SPHERE) * k
+
+
+@inline_kernel
+def lane_flat(block, i):
+    """The flat state whose lines begin at a place."""
+    return Flat(
+        lane_triple(block, i),
+        lane_triple(block, i + U(LANES * 3)),
+        lane_triple(block, i + U(LANES * 6)),
+        lane_triple(block, i + U(LANES * 9)),
+    )
+
+
+@inline_kernel
+def store_lane_flat(block, i, x):
+    """Write a flat state into lines from a place on."""
+    store_triple(block, i, x.r)
+    store_triple(block, i + U(LANES * 3), x.v)
+    store_triple(block, i + U(LANES * 6), x.a)
+    store_triple(block, i + U(LANES * 9), x.j)
+
+
+@kernel
+def fill(block, first, count, measured, remembered, period):
+    """Rows first … first + count as they are measured; no set value so far, all of them calm."""
+    to_lanes(measured.flat.reshape(-1), 12, first, count, block, I(0))
+    for i in range(count):
+        row = first + i
+        for axis in range(3):
+            block[LANES * (SNAP + axis) + i] = measured.snap[row, axis]
+        block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
+        block[LANES * CALM + i], block[LANES * VALUE + i] = 1.0, math.inf
+    fill_spheres(block, first, count, measured.bodies, remembered.half_spaces)
+
+
+@inline_kernel
+def fill_spheres(block, first, count, bodies, half_spaces):
+    """The spheres of rows first … first + count; a row where one moves is not calm."""
+    for k in range(bodies.radius.shape[1]):
+        at = LANES * (SPHERES + PER_SPHERE * k)
+        for i in range(count):
+            row = first + i
+            x, y, z = triple(bodies.center, row, k)
+            block[at + i], block[at + LANES + i], block[at + 2 * LANES + i] = x, y, z
+            block[at + 3 * LANES + i] = bodies.radius[row, k]
+            n = half_spaces[row, k]["n"]
+            block[at + 4 * LANES + i], block[at + 5 * LANES + i], block[at + 6 * LANES + i] = n[0], n[1], n[2]
+            if triple(bodies.velocity, row, k) != NOTHING:
+                block[LANES * CALM + i] = 0.0
+
+
+@inline_kernel
+def copy_lines(block, source, target, lines):
+    """Copy lines from one place to another.
+
+    A loop over lanes that reads at a place known only when it runs, and writes elsewhere, is not vectorised.
+    """
+    for i in range(U(LANES) * U(lines)):
+        block[target + i] = block[source + i]
