@@ -63,7 +63,8 @@ def look_along_sight(block, count, settings):
     for i in range(U(count)):
         gap = subtract(lane_triple(block, i), lane_triple(block, i + U(LANES * SEEN)))
         distance = norm(gap)
-        n = (gap[0] / distance, gap[1] / distance, gap[2] / distance)
+        length = distance if distance > 0.0 else 1.0
+        n = (gap[0] / length, gap[1] / length, gap[2] / length)
         does, value, is_cut, wish = along(block, i, n, settings)
         is_far = (distance >= LEAST_DISTANCE) & (distance >= block[i + U(LANES * (SEEN + 3))])
         block[i + U(LANES * FOUND)] = 1.0 if does & is_far else 0.0

@@ -111,15 +111,17 @@ def test_an_authority_arrives_with_a_reserve_for_the_feedback():
 def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes():
     n, k, delay = 5, 3, 2
     memory = empty_memory(n, k, sampled_size(n, k) + tube_size(n, k, delay, True), delay, True)
-    assert not memory[24:].any()
+    assert not memory[32:].any()
     held, rest = sampled_memory(memory, n, k)
-    assert held.settings[0][["rows", "obstacles", "delay"]].item() == (n, k, delay)
+    assert held.settings[0][["rows", "obstacles", "delay", "looks_ahead"]].item() == (n, k, delay, 1)
     parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, delay, True)]
     begin = memory.ctypes.data
     for part in parts:
         assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
         begin += part.nbytes
     assert begin == memory.ctypes.data + memory.nbytes
+    # Where no answer can be on its way or lost, nothing is kept of what comes.
+    assert tube_size(n, k, 0, False) == n * (k + 1) * 8
 
 
 @pytest.mark.interpreted
