@@ -50,11 +50,16 @@ def train(command: Train) -> int:
 
     for (arm, seed), failure in failures.items():
         print(f"{program()}: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
-    trace.write_trace(run)
-    print(reporting.write_report(run))
+    is_told = True
+    try:
+        trace.write_trace(run)
+        print(reporting.write_report(run))
+    except OSError as error:
+        is_told = False
+        print(f"{program()}: error: {error}", file=sys.stderr)
     if run.open_jobs():
         print(f"{'Stopped' if stop.is_set else 'Ended'} early. To go on: {called()} -i {run.folder}")
-    return 130 if stop.is_set else 1 if failures else 0
+    return 130 if stop.is_set else int(bool(failures) or not is_told)
 
 
 def evaluate(command: Evaluate) -> int:

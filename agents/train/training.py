@@ -109,6 +109,10 @@ class EpisodeCallback(BaseCallback):
             self.logger.record("rollout/recent_success_rate", self.recent["is_success"].mean())
             self.logger.record("rollout/intervention_rate", self.recent["interventions"].sum() / steps)
 
+    def _on_training_end(self) -> None:
+        # A training that is stopped ends in the middle of a rollout.
+        self._on_rollout_end()
+
     def take_rows(self) -> list[list[Any]]:
         """The episodes since the last call as [timestep of the end, fields of an episode]."""
         rows, self._rows = self._rows, []

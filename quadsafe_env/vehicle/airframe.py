@@ -32,7 +32,7 @@ FIT = 3.0
 # Units are surely wrong beyond these: presets have 100 to 640 kg/m³, 1.7 to 4.6 times the weight, 1.6 arms.
 DENSITIES = (10.0, 6000.0)  # mass / arm³, kg/m³
 THRUST_TO_WEIGHT = 30.0
-LARGEST_RADIUS = 3.0  # arms
+LARGEST_RADIUS = 20.0  # arms
 AXES = "xyz"
 
 

@@ -7,7 +7,7 @@ import sys
 from importlib import import_module
 
 import pytest
-from browser import CHROMIUM, Browser, needs_chromium
+from browser import Browser, needs_chromium
 from house import ROOT
 
 API = ROOT / "docs" / "api"
@@ -90,7 +90,7 @@ def test_no_page_asks_another_host(site):
 
 @needs_chromium
 def test_a_browser_finds_formulas_search_and_dark_mode_in_the_folder_alone(site, tmp_path):
-    with Browser(CHROMIUM or "", tmp_path / "profile") as browser:
+    with Browser(tmp_path / "profile") as browser:
         for page in ("api/shields.html", "theory/boxes.html", "index.html"):
             browser.open(site / page, 1200)
             assert browser.ask(RAW) == 0

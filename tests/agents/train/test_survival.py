@@ -191,7 +191,7 @@ def test_an_interrupt_finishes_the_rollout_and_saves(tmp_path, uninterrupted):
     wait_for(checkpoints(run)["shield"].exists, process)
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate()
-    assert process.returncode == 130 and "Traceback" not in err
+    assert process.returncode == 130 and "Traceback" not in err, err
     assert f"Stopped early. To go on: python train.py -i {run}" in out
     assert goes_on_as_uninterrupted(run, uninterrupted)
 
