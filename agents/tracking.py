@@ -19,6 +19,7 @@ from quadsafe_env.vehicle.state import OMEGA
 
 DEGREE = 7
 ORDERS = 5  # position to snap
+DURATION = 8.0  # s
 FACTORIALS = np.array([factorial(k) for k in range(DEGREE + 1)], dtype=np.float64)
 AT_REST = tuple((order, np.zeros(3)) for order in (1, 2, 3))
 
@@ -71,7 +72,7 @@ class MinimumSnap:
 
 
 class Tracker:
-    """Flies every row of an env to its goal along a minimum-snap path; needs no training.
+    """Flies every row of an env to its goal along a minimum-snap path, in Track after its reference, untrained.
 
     Once per policy period Δ it asks for the mean snap of the path over the period plus a feedback,
 
@@ -82,24 +83,30 @@ class Tracker:
     clipped by the env, entry by entry, and the flight lags behind: choose the duration so that this does not
     happen. The observation is not read; the flat state comes from the plant, so reset the env first.
 
-    ``path`` holds the flights, one a row, with time counted from each row's start.
+    ``path`` holds the flights, one a row, with time counted from each row's start. In Track, x_d is the env's
+    reference now, its snap takes the place of the mean, and ``path`` is not flown.
 
     Args:
         env: a QuadSafe env or vector env with ``action="snap"``, wrapped or not.
-        duration: from the first waypoint to the goal, s.
+        duration: from the first waypoint to the goal, s; None for 8. In Track to be left out, as ``via``.
         via: (M − 1, 3) waypoints between start and goal, m; times are shared out by length.
         pole: p, 1/s.
 
     Raises:
-        ValueError: for an env with another action interface, or numbers out of range.
+        ValueError: for an env with another action interface, numbers out of range, or, in Track, a path.
     """
 
-    def __init__(self, env: Any, duration: float = 8.0, *, via: ArrayLike | None = None, pole: float = 3.0):
+    def __init__(
+        self, env: Any, duration: float | None = None, *, via: ArrayLike | None = None, pole: float = 3.0
+    ):
         self._plant = env.unwrapped
         self._scale = np.array([SNAP, SNAP, SNAP, YAW_ACCELERATION])
         if not np.array_equal(getattr(self._plant, "action_scale", ()), self._scale):
             raise ValueError(f"env must be a QuadSafe environment with action='snap', got {env}")
-        self._duration = positive_number("duration", duration)
+        for name, value in (("duration", duration), ("via", via)):
+            if value is not None and self._plant.follows:
+                raise ValueError(f"{name} must be left out in Track, whose reference leads, got {value!r}")
+        self._duration = positive_number("duration", DURATION if duration is None else duration)
         self._via = finite_array("via", np.empty((0, 3)) if via is None else via, ("M - 1", 3))
         self._period = 1.0 / self._plant.metadata["render_fps"]
         self._gains = held_gains(4, pole, self._period)
@@ -153,11 +160,18 @@ class Tracker:
         return self.predict(observation)[0]
 
     def _command(self) -> NDArray[np.float64]:
-        now, then = self.path.at(self._steps * self._period), self.path.at((self._steps + 1) * self._period)
-        flat = self._plant.flat_state().reshape(-1, 4, 3)
-        snap = (then[:, 3] - now[:, 3]) / self._period + np.einsum("k,nki->ni", self._gains, now[:, :4] - flat)
+        flat, (wanted, snap) = self._plant.flat_state().reshape(-1, 4, 3), self._wanted()
+        snap = snap + np.einsum("k,nki->ni", self._gains, wanted - flat)
         yaw_acceleration = -self._yaw_gain * self._plant.state.reshape(len(flat), -1)[:, OMEGA + 2]
         return np.column_stack([snap, yaw_acceleration])
+
+    def _wanted(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Where to be now, position to jerk (N, 4, 3), and the snap of the coming period (N, 3)."""
+        if self._plant.follows:
+            reference = self._plant.reference.reshape(-1, ORDERS, 3)
+            return reference[:, :4], reference[:, 4]
+        now, then = self.path.at(self._steps * self._period), self.path.at((self._steps + 1) * self._period)
+        return now[:, :4], (then[:, 3] - now[:, 3]) / self._period
 
 
 def chord_times(waypoints: ArrayLike, duration: float) -> NDArray[np.float64]:

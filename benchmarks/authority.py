@@ -27,8 +27,8 @@ from shields import VectorShieldWrapper
 # Settings of the shield of each arm; ū = 200 m/s⁴ is the default.
 ARMS: dict[str, dict[str, Any] | None] = {
     "no shield": None,
-    "ū = 200 m/s⁴": {},
-    "ū = 2000 m/s⁴": {"snap_max": 2000.0},
+    r"$\bar{u} = 200$ m/s⁴": {},
+    r"$\bar{u} = 2000$ m/s⁴": {"snap_max": 2000.0},
     "the vehicle's": {"authority": "vehicle"},
 }
 RATE = 100

@@ -41,6 +41,11 @@ class PlantAccess:
             raise ValueError("reference must be asked of QuadSafe/Track-v0, got a task without one")
         return self._world.references()
 
+    def reference_line(self, row: int = 0) -> NDArray[np.float64]:
+        """In Track, points of the whole reference of a row, for pictures, (M, 3), m; else an error."""
+        self._references()
+        return self._world.reference_line(row)  # type: ignore[attr-defined]
+
     def authority(self) -> Authority:
         """Bounds within which no rotor is clipped with ``rotor_limits=True``.
 

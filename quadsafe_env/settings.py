@@ -105,7 +105,8 @@ def build_world(
         is_single: whether functions given as observation and reward get one row without an axis of rows.
         task: "flight", "avoid", "forest", "rooms", "gates" or "track"; fixed by the id.
         action: "velocity", "snap", "wrench", "rates" or "attitude"; see ``quadsafe_env.vehicle.actions``.
-        params: preset name, mapping of fields, or QuadrotorParams; ``docs/vehicles.md`` has the presets.
+        params: preset name, mapping of fields or of the arguments of ``QuadrotorParams.from_airframe``, or
+            QuadrotorParams; ``docs/vehicles.md`` has the presets.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
             one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.
         bounds: a box to keep in, [low, high], (3,) each, m: six walls beside the obstacles, given or drawn.

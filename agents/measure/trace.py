@@ -109,4 +109,5 @@ def _scene(env: Any) -> dict[str, Any]:
         "obstacles": [shape.as_dict() for shape in obstacles],
         "keep_out": obstacles.keep_out,
         "period": 1.0 / env.metadata["render_fps"],
+        **({"reference": plant.reference_line().tolist()} if plant.follows else {}),
     }

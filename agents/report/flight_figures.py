@@ -34,12 +34,12 @@ def flights(trace: Trace) -> go.Figure:
     figure.add_trace(_vehicle("without", trace.without, OFF, WITHOUT))
     figure.add_trace(_vehicle("shielded", trace.shielded, ON, SHIELDED))
     figure.add_trace(_mark("start", np.array(scene["start"]), INK, "circle"))
-    figure.add_trace(_mark("goal", np.array(scene["goal"]), INK, "diamond"))
+    figure.add_trace(_aim(scene))
     hit = collision(trace)
     if hit is not None:
         figure.add_trace(_mark("collision", hit, WITHOUT, "x"))
     titles = {f"{axis}axis": {"title": {"text": f"{axis}, m"}, "nticks": 6} for axis in AXES}
-    eye = _eye(scene["start"], scene["goal"])
+    eye = _eye(scene["start"], _far_end(scene))
     figure.update_traces(lightposition={axis: 1e4 * eye[axis] for axis in AXES}, selector={"type": "mesh3d"})
     return figure.update_layout(
         scene={
@@ -191,6 +191,21 @@ def _mark(name: str, point: NDArray, color: str, symbol: str) -> go.Scatter3d:
     x, y, z = point[:, None]
     marker = {"color": color, "size": 5, "symbol": symbol}
     return go.Scatter3d(x=x, y=y, z=z, mode="markers", name=name, marker=marker, hoverinfo="skip")
+
+
+def _aim(scene: dict[str, Any]) -> go.Scatter3d:
+    """The goal, or what is followed."""
+    if "reference" not in scene:
+        return _mark("goal", np.array(scene["goal"]), INK, "diamond")
+    x, y, z = np.transpose(scene["reference"])
+    line = {"color": INK, "width": 2, "dash": "dot"}
+    return go.Scatter3d(x=x, y=y, z=z, mode="lines", name="reference", line=line, hoverinfo="skip")
+
+
+def _far_end(scene: dict[str, Any]) -> list[float]:
+    """The goal, or of a reference what is farthest from the start."""
+    line = np.array(scene.get("reference", [scene["goal"]]))
+    return line[np.linalg.norm(line - scene["start"], axis=1).argmax()].tolist()
 
 
 def _eye(start: list[float], goal: list[float]) -> dict[str, float]:

@@ -85,6 +85,8 @@ def write_map(file: Path, env: str, env_kwargs: dict[str, Any], count: int, page
     rows: Any = gymnasium.make_vec(env, count, obstacles=load_obstacles(file), **env_kwargs)
     rows.reset(options={"scene": list(range(count))})
     plant = rows.unwrapped
+    if plant.follows:
+        raise ValueError(f"env must have a goal to fly straight at, got {env!r}, whose reference leads")
     starts, goals, blocked = plant.flat_state()[:, 0], plant.goal, plant.is_blocked
     shapes = [shape.as_dict() for shape in next(iter(plant.obstacles))]
     scene = {"obstacles": shapes, "keep_out": plant.obstacles.keep_out, "goal": goals[0].tolist()}

@@ -61,8 +61,12 @@ class Flight:
         self._clearance = min(self._clearance, info["clearance"])
         if is_over:
             self._end = next((end for key, end in ENDS.items() if info[key]), "ran out of time")
-            if info["is_success"] and self._env.unwrapped.follows:
-                self._end = "kept to its reference"
+            if self._env.unwrapped.follows:
+                self._end = self._with_error(info)
+
+    def _with_error(self, info: dict[str, Any]) -> str:
+        end = "kept to its reference" if info["is_success"] else self._end
+        return f"{end}, rms error {info['rms_error']:.2f} m,"
 
     def sentence(self) -> str:
         """How it went."""

@@ -222,7 +222,7 @@ def violated_share(rows: list[Row]) -> str:
 
 def labelled(column: str) -> Callable[[Row], str]:
     """The name of a column with its value."""
-    return lambda row: f"{column}: {row[column]}"
+    return lambda row: f"{column}: {row[column]}".replace("J_x ≠ J_y", r"$J_x \ne J_y$")
 
 
 def revisions(rows: list[Row]) -> str:

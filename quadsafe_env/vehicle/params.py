@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import finite_array, one_of, positive_number
+from quadsafe_core.checks import finite_array, keywords_of, one_of, positive_number
 from quadsafe_core.presets import from_mapping, from_sequence
 from quadsafe_env.vehicle.airframe import GRAVITY, PROPELLER, Airframe, misfits
 
@@ -85,7 +85,7 @@ class QuadrotorParams(NamedTuple):
             moment_ratio=moment_ratio,
             gravity=gravity,
         )
-        return fitting(_checked(cls(**frame.fields(), yaw_rate_max=yaw_rate_max)))
+        return fitting(_of_airframe(frame, yaw_rate_max))
 
 
 def _preset(levers: tuple[float, float] | None = None, **known) -> QuadrotorParams:
@@ -187,7 +187,8 @@ def params_from(value: "str | Mapping | QuadrotorParams | list | tuple") -> Quad
 
     Args:
         value: name of a preset; or a mapping of fields, the missing ones taken from the preset named under
-            "preset" (default "crazyflie"); or a QuadrotorParams, or the plain list that JSON makes of it.
+            "preset" (default "crazyflie"); or a mapping with "motor_thrust_max", which holds the arguments of
+            ``from_airframe``; or a QuadrotorParams, or the plain list that JSON makes of it.
 
     Raises:
         TypeError: for a value or field of another kind.
@@ -197,6 +198,8 @@ def params_from(value: "str | Mapping | QuadrotorParams | list | tuple") -> Quad
         return PRESETS[one_of("params", value, tuple(PRESETS))]
     if id(value) in CHECKED:
         return value  # type: ignore[return-value]
+    if isinstance(value, Mapping) and "motor_thrust_max" in value:
+        return _from_known(value)
     if isinstance(value, Mapping):
         return _checked(from_mapping("params", value, PRESETS, DEFAULT))
     if isinstance(value, (tuple, list)):
@@ -214,6 +217,23 @@ def fitting(params: QuadrotorParams) -> QuadrotorParams:
     for sentence in misfits(params):
         warnings.warn(f"params: {sentence}", UserWarning, stacklevel=3)
     return params
+
+
+def _from_known(given: Mapping) -> QuadrotorParams:
+    """A vehicle by the arguments of ``from_airframe``."""
+    for name in given:
+        one_of("a field of params with motor_thrust_max", name, keywords_of(QuadrotorParams.from_airframe))
+    if missing := [name for name in ("mass", "arm") if name not in given]:
+        raise ValueError(
+            f"params with motor_thrust_max must have mass and arm, got no {' and no '.join(missing)}"
+        )
+    frame = dict(given)
+    yaw_rate_max = frame.pop("yaw_rate_max", QuadrotorParams._field_defaults["yaw_rate_max"])
+    return _of_airframe(Airframe(**frame), yaw_rate_max)
+
+
+def _of_airframe(frame: Airframe, yaw_rate_max: float) -> QuadrotorParams:
+    return _checked(QuadrotorParams(**frame.fields(), yaw_rate_max=yaw_rate_max))
 
 
 def _checked(params: QuadrotorParams) -> QuadrotorParams:

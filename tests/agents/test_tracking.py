@@ -300,6 +300,23 @@ def test_one_env_behind_a_leading_axis_of_one():
     assert action.shape == (1, 4) and action.dtype == np.float32
 
 
+def test_in_track_it_follows_the_reference():
+    n, errors = 4, {}
+    for reference in ("figure-eight", "minimum-snap"):
+        env = gym.make_vec("QuadSafe/Track-v0", n, action="snap", reference=reference, obstacles=[])
+        env.reset(seed=0)
+        tracker = Tracker(env)
+        for _ in range(500):
+            *_, info = env.step(tracker.predict(np.zeros((n, 1)))[0])
+        errors[reference] = info["final_info"]["rms_error"]
+        assert info["final_info"]["is_success"].all()
+    # What a snap held for a period leaves over.
+    assert np.max(list(errors.values())) < 2e-3
+    for name, value in (("duration", 8.0), ("via", [[0.0, 0.0, 1.0]])):
+        with pytest.raises(ValueError, match=f"{name} must be left out in Track"):
+            Tracker(env, **{name: value})
+
+
 @pytest.mark.parametrize("action", ["velocity", "wrench"])
 def test_other_interfaces_are_refused(action):
     env = gym.make("QuadSafe/Avoid-v0", action=action)

@@ -104,7 +104,7 @@ def test_links_lead_somewhere(page):
 
 def test_every_page_of_the_theory_is_in_the_navigation():
     config = yaml.safe_load((ROOT / "mkdocs.yml").read_text())
-    listed = set(re.findall(r"[\w/]+\.md", str(config["nav"])))
+    listed = set(re.findall(r"[\w/-]+\.md", str(config["nav"])))
     assert {page.relative_to(DOCS).as_posix() for page in THEORY} <= listed
     assert all((DOCS / page).exists() for page in listed)
 

@@ -6,7 +6,8 @@ import math_core
 import pytest
 from test_docs import DOCS
 
-PAGES = sorted([DOCS / "theory.md", DOCS / "authority.md", DOCS / "conditions.md", *DOCS.glob("theory/*.md")])
+WITH_FORMULAS = ("theory", "authority", "conditions", "vehicles", "safety")
+PAGES = sorted([*(DOCS / f"{name}.md" for name in WITH_FORMULAS), *DOCS.glob("theory/*.md")])
 FENCED = re.compile(r"^```.*?^```", re.S | re.M)
 FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+)\$", re.S)
 # What only a formula has: signs, letters with a bar or dots, subscripts.

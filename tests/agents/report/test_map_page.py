@@ -59,6 +59,8 @@ def test_the_figure_has_each_way_once_in_its_colour():
 def test_what_cannot_be_drawn_is_told_in_a_sentence(room, tmp_path, capsys):
     with pytest.raises(ValueError, match="env_kwargs must leave out obstacles"):
         write_map(room, "QuadSafe/Avoid-v0", {"obstacles": []}, 5)
+    with pytest.raises(ValueError, match="env must have a goal to fly straight at"):
+        write_map(room, "QuadSafe/Track-v0", {}, 3)
     with pytest.raises(ValueError, match="env must be one of"):
         write_map(room, "QuadSafe/Void-v0", {}, 5)
     for words in ([str(tmp_path / "none.json")], [str(room), "--env-kwargs", "start:[0,0,1]"]):

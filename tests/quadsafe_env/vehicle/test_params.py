@@ -241,6 +241,29 @@ def test_what_does_not_fit_together_is_a_warning_with_the_ratio(make, fields, wo
     assert [str(warning.message) for warning in told] == [f"params: {sentence}" for sentence in words]
 
 
+def test_a_mapping_with_the_thrust_of_a_motor_is_an_airframe():
+    known = {"mass": 1.5, "arm": 0.25, "motor_thrust_max": 8.0, "yaw_rate_max": 4.0}
+    assert params_from(known) == QuadrotorParams.from_airframe(**known)
+    assert params_from({"mass": 0.03}).inertia == PRESETS["crazyflie"].inertia
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"arm": None}, "params with motor_thrust_max must have mass and arm, got no arm"),
+        (
+            {"thrust_max": 32.0},
+            "a field of params with motor_thrust_max must be one of 'mass', .* got 'thrust_max'",
+        ),
+        ({"preset": "racer"}, "a field of params with motor_thrust_max must be one of .* got 'preset'"),
+    ],
+)
+def test_a_mapping_of_an_airframe_that_cannot_be_one(change, words):
+    given = {"mass": 1.5, "arm": 0.25, "motor_thrust_max": 8.0} | change
+    with pytest.raises(ValueError, match=words):
+        params_from({name: value for name, value in given.items() if value is not None})
+
+
 def test_given_inertia_that_does_not_fit_is_a_warning():
     with pytest.warns(UserWarning, match="inertia about x must fit mass 1.5 kg and arm 0.25 m"):
         QuadrotorParams.from_airframe(
