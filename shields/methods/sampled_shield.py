@@ -27,7 +27,7 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
-from shields.methods.sampled_rows import sampled_rows
+from shields.methods.sampled_row import sampled_rows
 
 # Pole of the feedback on the deviation from the stored stop, 1/s. The body flies a held snap to a few per cent
 # only; at 8 1/s that carried vehicles off their stops at 20 Hz, and from there into the sphere.

@@ -49,7 +49,7 @@ from shields.methods.memory import (
     write_settings,
 )
 from shields.methods.method import Kernels
-from shields.methods.sampled_rows import sampled_rows
+from shields.methods.sampled_row import sampled_rows
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
 
 

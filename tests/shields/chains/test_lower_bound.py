@@ -9,9 +9,9 @@ from shields.chains.lower_bound import (
     _careful_lower4,
     _estimate,
     _isolated,
-    _quick_lower4,
     lower4,
     lower4_batch,
+    quick_lower4,
 )
 
 
@@ -27,7 +27,7 @@ def random_states(rng, count, decades):
 def test_a_value_that_is_told_to_be_sure_is_that_of_the_roots(decades, share):
     rng, sure, count = np.random.default_rng(int(decades)), 0, 400
     for x, u_max, bound in zip(*random_states(rng, count, decades), strict=True):
-        value, t_star = _quick_lower4(*map(float, x), float(u_max), float(bound))
+        value, t_star = quick_lower4(*map(float, x), float(u_max), float(bound))
         if not math.isnan(value):
             expected, t_expected = _careful_lower4(*map(float, x), float(u_max), float(bound))
             terms = (u_max * t_star**4, x[0] * t_star**3, x[1] * t_star**2, x[2] * t_star, x[3], bound)

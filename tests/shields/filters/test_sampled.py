@@ -23,9 +23,9 @@ from shields.chains.lower_bound import held_lower
 from shields.filters.sampled import (
     Chain,
     Held,
-    _is_above,
     _needed_later,
     _rise_at,
+    is_above,
     required,
     sampled_input,
     sampled_value,
@@ -153,7 +153,7 @@ def test_a_tail_that_is_told_to_stay_above_does():
         x = rng.normal(size=4) * 10 ** rng.uniform(-2, 2, 4)
         u_max, t = float(rng.choice([0.0, 1.0, 30.0])), float(rng.choice([0.0, rng.exponential()]))
         x[0] = abs(x[0]) if u_max == 0.0 else x[0]  # below order 4 it is the input u_max, or 0
-        if _is_above(*map(float, x[::-1]), u_max, t):
+        if is_above(*map(float, x[::-1]), u_max, t):
             h = np.concatenate([np.linspace(-t, 0.0, 200), np.linspace(0, 1, 400) ** 3 * 1e3])
             path = x[3] + h * (x[2] + h * (x[1] / 2 + h * (x[0] / 6 + h * u_max / 24)))
             assert path.min() >= -1e-12 * np.abs(x[3])
@@ -412,7 +412,7 @@ def test_a_tail_is_told_to_stay_above_wherever_a_parabola_shows_it():
         room = min(least, 4.0 * least * x4 - x3 * x3)
         # the grid's error is smaller
         if abs(room) > 1e-2 * (x3 * x3 + abs(least)):
-            assert _is_above(x4, x3, x2, x1, u_max, t) == (room > 0.0)
+            assert is_above(x4, x3, x2, x1, u_max, t) == (room > 0.0)
             told[int(room > 0.0)] += 1
     assert min(told) > 200
 
@@ -420,11 +420,11 @@ def test_a_tail_is_told_to_stay_above_wherever_a_parabola_shows_it():
 @pytest.mark.interpreted
 def test_a_tail_that_rises_is_told_to_stay_above_where_it_does():
     # x_4 = 1 + h²/2 (x_2 - h + h²/4): with x_2 = -2 it falls to -0.7 after 2.5 s, with 1 it never does
-    assert not _is_above(1.0, 0.0, -2.0, -3.0, 3.0, 0.0)
-    assert _is_above(1.0, 0.0, 1.0, -3.0, 3.0, 0.0)
+    assert not is_above(1.0, 0.0, -2.0, -3.0, 3.0, 0.0)
+    assert is_above(1.0, 0.0, 1.0, -3.0, 3.0, 0.0)
     # what it has gained by then is enough, or is not
-    assert _is_above(1.0, 10.0, -2.0, -3.0, 3.0, 0.0) and not _is_above(-1e-9, 5.0, 1.0, 0.0, 3.0, 0.0)
-    assert _is_above(1.0, 0.0, 0.0, 0.0, 0.0, 0.0) and not _is_above(1.0, 5.0, -1e-9, 0.0, 0.0, 0.0)
+    assert is_above(1.0, 10.0, -2.0, -3.0, 3.0, 0.0) and not is_above(-1e-9, 5.0, 1.0, 0.0, 3.0, 0.0)
+    assert is_above(1.0, 0.0, 0.0, 0.0, 0.0, 0.0) and not is_above(1.0, 5.0, -1e-9, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.interpreted
