@@ -38,3 +38,7 @@ def test_the_example_with_a_film_names_the_pip_line_before_it_trains(tmp_path, m
         runpy.run_path(str(ROOT / "examples/own_room.py"), run_name="__main__")
     assert ended.value.code == 2 and 'pip install "quadsafe[video]"' in capsys.readouterr().err
     assert not list(tmp_path.rglob("*.zip"))
+
+
+def test_the_way_from_a_map_to_a_film_takes_forty_lines():
+    assert len((ROOT / "examples/own_room.py").read_text(encoding="utf-8").splitlines()) <= 40
