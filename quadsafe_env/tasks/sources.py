@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from quadsafe_core.maths.counter_rng import key_words
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import CORE, SPHERE, Cores, cores_of
+from quadsafe_env.maps.ways import ways_around
 from quadsafe_env.tasks.ends import Flags, Rows, blocked_among, blocked_rows, draw_ends, flag_wanted
 from quadsafe_env.tasks.scene_bodies import SceneBodies, body_memory, crowded_among, scene_bodies_of
 from quadsafe_env.tasks.scene_columns import Scenes, scene_memory, scenes_of
@@ -21,6 +22,8 @@ from quadsafe_env.tasks.scenes import FREE_SPACE, LEAST_WAY, Sizes, Task, crowde
 NO_NUMBERS = np.zeros(1)
 # Scenes that a map is tried in, and by how much of what was asked for their share of blocked ones may be low.
 TRIED, MISSED = 128, 0.1
+# Of those that are blocked, for how many a way around is looked for.
+WALKED = 32
 
 
 class SceneSource(Protocol):
@@ -184,7 +187,8 @@ def tried(task: Task, vehicle_radius: float, given: Obstacles) -> Task:
         ValueError: if a scene has no start and goal clear of the bodies.
 
     Warns:
-        UserWarning: with the share found, if the straight way cannot be blocked as often as the task asks for.
+        UserWarning: with the share found, if the straight way cannot be blocked as often as the task asks for,
+            or scenes have no way around.
     """
     source, rows = source_of(TRIED, task, vehicle_radius, given, draws=False), np.arange(TRIED)
     words, memory = key_words(rows), scene_memory(TRIED, source.body_count)
@@ -203,7 +207,22 @@ def tried(task: Task, vehicle_radius: float, given: Obstacles) -> Task:
             UserWarning,
             stacklevel=2,
         )
+    _tell_ways(scenes_of(memory), blocked, given)
     return replace(task, blocked=min(1.0, task.blocked / share) if share else 0.0)
+
+
+def _tell_ways(scenes: Scenes, blocked: NDArray[np.bool_], given: Obstacles) -> None:
+    """Warn of scenes whose goal cannot be reached."""
+    starts, goals = (ends[blocked][:WALKED] for ends in (scenes.start, scenes.goal))
+    share, cell = ways_around(starts, goals, given) if len(starts) else (1.0, 0.0)
+    if share < 1.0:
+        warnings.warn(
+            f"no way around the obstacles was found for {100 * (1 - share):.0f} % of the scenes whose straight "
+            f"way is blocked, on a grid of {cell:.2g} m: the goal cannot be reached there, unless by a "
+            "way that is narrower than that",
+            UserWarning,
+            stacklevel=3,
+        )
 
 
 def _given_cores(given: Obstacles) -> Cores:
