@@ -1,4 +1,4 @@
-"""A shielded flight in each task: ``python examples/task_pictures.py`` draws five docs/figures/task_*.png.
+"""A shielded flight in each task: ``python examples/task_pictures.py --out docs/figures`` draws five pictures.
 
 Velocity commands lead along the corners of ``way``, which is free through openings, and straight elsewhere: the
 amber part of the path is where the shield led around.
@@ -45,7 +45,7 @@ def flown(name: str, size: int) -> Any:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder")
+    parser.add_argument("--out", type=Path, default=Path("logs/figures"), help="folder")
     parser.add_argument("--size", type=int, default=640, help="pixels")
     parser.add_argument("names", nargs="*", default=list(SCENES))
     given = parser.parse_args()

@@ -23,7 +23,7 @@ def follow(plant: Any) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("docs/figures/track.png"), help="where to")
+    parser.add_argument("--out", type=Path, default=Path("logs/figures/track.png"), help="where to")
     out, looks = parser.parse_args().out, {"render_size": 720, "camera": {"elevation": 40.0, "distance": 9.5}}
     env: Any = ShieldWrapper(gymnasium.make("QuadSafe/Track-v0", render_mode="rgb_array", **looks))
     env.reset(seed=3)
@@ -32,7 +32,9 @@ def main() -> None:
         *_, info = env.step(follow(env.unwrapped))
         least = min(least, info["clearance"])
     print(f"least clearance {least:.3f} m, rms error {info['rms_error']:.2f} m")
+    out.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(env.render()).save(out, optimize=True)
+    print(out)
 
 
 if __name__ == "__main__":

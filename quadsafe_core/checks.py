@@ -132,7 +132,7 @@ def keywords_known_to(name: str) -> Callable[[Called], Called]:
     """Decorates what a user calls by this name: an unknown keyword gets the sentence of ``known_keywords``."""
 
     def decorated(function: Called) -> Called:
-        options = keywords_of(function)
+        options = [key for key in signature(function).parameters if key not in ("self", "cls")]
 
         @wraps(function)
         def checked(*values, **keywords):

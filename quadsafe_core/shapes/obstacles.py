@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import non_negative_number, shaped_array
+from quadsafe_core.checks import keywords_known_to, non_negative_number, shaped_array
 from quadsafe_core.shapes.cores import SPHERE, are_within, cores_of
 from quadsafe_core.shapes.flat_shapes import Box, HalfSpace, Hull
 from quadsafe_core.shapes.reading import entries_of, shapes_from
@@ -48,6 +48,7 @@ class Obstacles:
         self.cores, self.keep_out = cores, keep_out
 
     @classmethod
+    @keywords_known_to("Obstacles.spheres")
     def spheres(cls, center: ArrayLike, radius: ArrayLike, velocity: ArrayLike | None = None) -> "Obstacles":
         """Spheres at keep-out radii; what are arrays of float64 in C order are not copied.
 
@@ -70,6 +71,7 @@ class Obstacles:
         return cls(centers, radii, velocities)
 
     @classmethod
+    @keywords_known_to("Obstacles.pack")
     def pack(cls, shapes: Sequence[Any], keep_out: float = 0.0) -> "Obstacles":
         """Shapes of one world, or of N worlds, in as many places as the fullest of them has.
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import finite_array, finite_number
+from quadsafe_core.checks import finite_array, finite_number, known_keywords
 from quadsafe_core.shapes.cores import cores_of
 from quadsafe_core.shapes.distance import distance_batch, nearest_batch
 from quadsafe_core.shapes.records import Body, core_bytes
@@ -28,6 +28,10 @@ class Shape:
 
     # Its name in mappings.
     name: ClassVar[str]
+
+    def __new__(cls, *values: Any, **keywords: Any):  # noqa: D102
+        known_keywords(cls.__name__, keywords, (field.name for field in fields(cls)))  # type: ignore[arg-type]
+        return super().__new__(cls)
 
     def __post_init__(self):
         for field in fields(self):  # type: ignore[arg-type]

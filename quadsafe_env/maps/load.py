@@ -3,6 +3,7 @@
 from os import PathLike
 from pathlib import Path
 
+from quadsafe_core.checks import keywords_known_to
 from quadsafe_env.maps.json_file import read_json
 from quadsafe_env.maps.map import Map
 from quadsafe_env.maps.mesh_file import read_mesh
@@ -11,6 +12,7 @@ from quadsafe_env.maps.mujoco_file import read_mujoco
 LISTS, SCENES, MESHES = (".json",), (".xml", ".mjcf", ".urdf"), (".stl", ".obj", ".ply", ".off")
 
 
+@keywords_known_to("load_obstacles")
 def load_obstacles(path: str | PathLike[str], scale: float = 1.0, concavity: float = 0.05) -> Map:
     """The obstacles of a file, for ``obstacles=`` of ``gym.make`` and for ``Shield.filter``.
 

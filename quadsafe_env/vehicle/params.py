@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import finite_array, keywords_of, one_of, positive_number
+from quadsafe_core.checks import finite_array, keywords_known_to, keywords_of, one_of, positive_number
 from quadsafe_core.presets import from_mapping, from_sequence
 from quadsafe_env.vehicle.airframe import GRAVITY, PROPELLER, Airframe, misfits
 
@@ -49,6 +49,7 @@ class QuadrotorParams(NamedTuple):
         return self.thrust_max / self.mass
 
     @classmethod
+    @keywords_known_to("QuadrotorParams.from_airframe")
     def from_airframe(
         cls,
         *,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from quadsafe_core.checks import shaped_array
+from quadsafe_core.checks import keywords_known_to, shaped_array
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.polynomials import LARGEST
 from shields.chains.capped_third_order import capped3
@@ -97,6 +97,7 @@ class LowerSet:
     Reference: Proposition 4.
     """
 
+    @keywords_known_to("LowerSet")
     def __init__(self, lower: ArrayLike, u_max: float):
         self.lower = _checked_bounds("lower", lower, -math.inf)
         self.u_max = checked_input("u_max", u_max)
@@ -158,6 +159,7 @@ class BoxSet:
     Reference: (24), Example 1, (26), (28), Theorem 1.
     """
 
+    @keywords_known_to("BoxSet")
     def __init__(self, lower: ArrayLike, upper: ArrayLike, u_min: float, u_max: float):
         lower = _checked_bounds("lower", lower, -math.inf)
         upper = _checked_bounds("upper", upper, math.inf)

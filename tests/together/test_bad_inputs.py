@@ -12,6 +12,7 @@ import pytest
 
 import agents
 import quadsafe
+import shields
 from quadsafe import (
     Authority,
     Box,
@@ -142,7 +143,10 @@ CONSTRUCTORS = {
             "scale of arm": ({"arm": 200.0}, "mass and arm must be in kg and m, with mass / arm³ from 10 to"),
             "scale of thrust": ({"motor_thrust_max": 7000.0}, "thrust_max must be in N, at most 30 times the"),
             "grams of thrust": ({"motor_thrust_max": 714.0}, "thrust_max must be in N, at most 30 times the"),
-            "scale of propeller": ({"propeller_radius": 127.0}, "must be in m, at most 3 times arm 0.2 m, got"),
+            "scale of propeller": (
+                {"propeller_radius": 127.0},
+                "must be in m, at most 20 times arm 0.2 m",
+            ),
             "scale of moment": ({"moment_ratio": 16.0}, "must be in m, at most arm 0.2 m, got 16"),
             "scale of inertia": ({"inertia": [12e3, 12e3, 24e3]}, "inertia about x must fit mass 1.2 kg and"),
         },
@@ -259,7 +263,7 @@ CONSTRUCTORS = {
         {"period": 0.01},
         {
             "type": ({"period": "0.01"}, "period must be a finite number > 0, got '0.01'"),
-            "scale": ({"period": 10}, "period must be in seconds and at most 2, got 10"),
+            "scale": ({"period": 10}, "period must be in seconds and at most 1, got 10"),
             "sign": ({"period": -0.01}, "period must be a finite number > 0, got -0.01"),
         },
     ),
@@ -313,3 +317,29 @@ def test_an_evaluation_and_a_film_name_what_does_not_fit():
 def test_a_run_is_a_path():
     with pytest.raises(TypeError, match=r"^run must be a path, got 3$"):
         quadsafe.load(3)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "call", "keyword", "nearest"),
+    [
+        ("Sphere", lambda **k: quadsafe.Sphere(ORIGIN, 1.0, **k), "raduis", "radius"),
+        ("Box", lambda **k: quadsafe.Box(ORIGIN, **k), "sise", "size"),
+        ("Obstacles.pack", lambda **k: quadsafe.Obstacles.pack([], **k), "keepout", "keep_out"),
+        ("Obstacles.spheres", lambda **k: quadsafe.Obstacles.spheres(ORIGIN, 1.0, **k), "velocty", "velocity"),
+        ("LowerSet", lambda **k: shields.LowerSet([0.0], **k), "umax", "u_max"),
+        ("BoxSet", lambda **k: shields.BoxSet([0.0], **k), "uper", "upper"),
+        ("load_obstacles", lambda **k: quadsafe.load_obstacles("room.json", **k), "scal", "scale"),
+        ("QuadrotorParams.from_airframe", quadsafe.QuadrotorParams.from_airframe, "mas", "mass"),
+    ],
+)
+def test_an_unknown_keyword_is_told_with_the_nearest_there_is(name, call, keyword, nearest):
+    with pytest.raises(TypeError, match=rf"^{name} must get keywords among ") as caught:
+        call(**{keyword: 1.0})
+    assert str(caught.value).endswith(f"argument {keyword!r}; did you mean {nearest!r}?")
+
+
+@pytest.mark.parametrize("period", [1.0 + 1e-9, 10.0, 0.0, -0.01, float("nan")])
+def test_a_period_that_is_hardly_in_seconds_is_refused(period):
+    with pytest.raises(ValueError, match=r"^period must be "):
+        asked(period)
+    asked(1.0)

@@ -51,9 +51,12 @@ def test_what_writes_files_is_told_where(folder):
     }
     # These draw for a script that is told, save under logs, or write into a temporary folder.
     others = {"examples/section_vi_figures.py", "examples/other_agents_ppo.py", "examples/other_agents_sac.py"}
+    others.add("examples/own_room.py")
     assert writing - others - {"benchmarks/kernels.py"} <= set(SCRIPTS)
     for name in writing & {"examples/other_agents_ppo.py", "examples/other_agents_sac.py"}:
         assert 'save("logs/' in (ROOT / name).read_text(encoding="utf-8")
+    if folder == "examples":
+        assert '"out": Path("logs/' in (ROOT / "examples/own_room.py").read_text(encoding="utf-8")
 
 
 def test_the_ignored_folder_is_that_of_the_runs():

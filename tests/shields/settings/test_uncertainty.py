@@ -365,7 +365,7 @@ def test_more_than_half_of_the_vehicle_is_refused():
             )
     for period in (1e-5, 2.1, 1e200):
         with pytest.raises(
-            ValueError, match=r"period must be (from 0\.0001 to 2 s where errors|in seconds and)"
+            ValueError, match=r"period must be (from 0\.0001 to 1 s where errors|in seconds and)"
         ):
             Shield(uncertainty={"delay": 1}).filter(
                 np.zeros((4, 3)), Obstacles.spheres(np.full((1, 3), 2.0), np.array([0.5])), np.zeros(3), period
