@@ -2,7 +2,8 @@
 
 Most rows of a period are the same work: a direction for each sphere along which the snap is uncut, and a stop
 after it with one plane for each sphere. Here this is done in vector lanes, without branches, as by
-``sampled_row``: a *calm* row gets its answer bit for bit. Any other row is left to ``sampled_row``, all of it.
+``sampled_row``: a *calm* row gets its answer bit for bit. Any other row is left to ``sampled_row``, which takes
+what was found for single spheres, and for the stop.
 
 | lines     | of a lane                                                                        |
 |-----------|----------------------------------------------------------------------------------|
@@ -13,9 +14,13 @@ after it with one plane for each sphere. Here this is done in vector lanes, with
 | 17        | least set value so far                                                           |
 | 18:30     | flat state after the period                                                      |
 | 30:33     | first snap of the stop                                                           |
-| 33:40     | of the sphere that is looked at: centre, radius (0: absent), last direction      |
-| 40:47     | whether the snap is admitted, or cut, set value, direction, ``n·u`` along it     |
-| 47 + 8k   | of sphere k: centre, radius, direction, ``n·u`` along it                         |
+| 33:41     | the first lines of the sphere that is looked at                                  |
+| 41        | 1 where the line of sight to it is cut                                           |
+| 42:48     | the last lines of it                                                             |
+| 48        | 1 where the stop is sure to keep every limit                                     |
+| 49 + 10k  | of sphere k: centre, radius (0: absent), last direction, and 1 if it is at rest; |
+|           | in place of the last four when it was looked at: direction, ``n·u`` along it, 1  |
+|           | where the snap is admitted, set value                                            |
 
 Only spheres at rest, and only limits of snap, jerk and thrust: what there is beyond that is never calm.
 """
@@ -28,8 +33,22 @@ from quadsafe_core.kernels.vec3 import triple
 from shields.backup.stored_stop import NOTHING, periods_of
 from shields.chains.flat_state import Flat
 
-SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, FOUND, SPHERES = 12, 15, 16, 17, 18, 30, 33, 40, 47
-PER_SPHERE = 8
+SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, CUT, FOUND, STOPS, SPHERES = (
+    12,
+    15,
+    16,
+    17,
+    18,
+    30,
+    33,
+    41,
+    42,
+    48,
+    49,
+)
+PER_SPHERE, FIRST, LAST = 10, 8, 6
+# Among the lines that were found of a sphere, after its direction.
+ALONG, ADMITTED, SET_VALUE = 3, 4, 5
 
 
 @inline_kernel
@@ -73,13 +92,13 @@ def fill(block, first, count, measured, remembered, period):
         for axis in range(3):
             block[LANES * (SNAP + axis) + i] = measured.snap[row, axis]
         block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
-        block[LANES * CALM + i], block[LANES * VALUE + i] = 1.0, math.inf
+        block[LANES * CALM + i], block[LANES * VALUE + i], block[LANES * STOPS + i] = 1.0, math.inf, 1.0
     fill_spheres(block, first, count, measured.bodies, remembered.half_spaces)
 
 
 @inline_kernel
 def fill_spheres(block, first, count, bodies, half_spaces):
-    """The spheres of rows first … first + count; a row where one moves is not calm."""
+    """The spheres of rows first … first + count; where one moves the stop is not sure."""
     for k in range(bodies.radius.shape[1]):
         at = LANES * (SPHERES + PER_SPHERE * k)
         for i in range(count):
@@ -89,8 +108,10 @@ def fill_spheres(block, first, count, bodies, half_spaces):
             block[at + 3 * LANES + i] = bodies.radius[row, k]
             n = half_spaces[row, k]["n"]
             block[at + 4 * LANES + i], block[at + 5 * LANES + i], block[at + 6 * LANES + i] = n[0], n[1], n[2]
-            if triple(bodies.velocity, row, k) != NOTHING:
-                block[LANES * CALM + i] = 0.0
+            is_still = triple(bodies.velocity, row, k) == NOTHING
+            block[at + 7 * LANES + i] = 1.0 if is_still else 0.0
+            if not is_still:
+                block[LANES * STOPS + i] = 0.0
 
 
 @inline_kernel
@@ -101,3 +122,31 @@ def copy_lines(block, source, target, lines):
     """
     for i in range(U(LANES) * U(lines)):
         block[target + i] = block[source + i]
+
+
+@inline_kernel
+def find_nothing(block, count, spheres):
+    """Leave all to ``sampled_row``."""
+    for i in range(count):
+        block[LANES * CALM + i], block[LANES * STOPS + i] = 0.0, 0.0
+        for k in range(spheres):
+            block[LANES * (SPHERES + PER_SPHERE * k + FIRST) + i] = 0.0
+
+
+@inline_kernel
+def is_taken(found, k, half_space, fact):
+    """Whether sphere k of a lane is settled; what was found of it is then written down.
+
+    ``found``: the block and the lane, or None.
+    """
+    if found is None:
+        return False
+    block, i = found
+    at = LANES * (SPHERES + PER_SPHERE * k + FIRST - 4) + i
+    if not block[at + LANES * ADMITTED] > 0.0:
+        return False
+    n = half_space["n"]
+    n[0], n[1], n[2] = block[at], block[at + LANES], block[at + 2 * LANES]
+    half_space["least"] = block[at + LANES * ALONG]
+    fact["value"] = min(fact["value"], block[at + LANES * SET_VALUE])
+    return True

@@ -22,13 +22,13 @@ from shields.blocks.block import (
     AFTER,
     CALM,
     LENGTH,
-    PER_SPHERE,
     SEEN,
     SNAP,
-    SPHERES,
     STOP,
+    STOPS,
     VALUE,
     copy_lines,
+    is_taken,
     lane_flat,
     sphere_at,
     store_lane_flat,
@@ -57,7 +57,7 @@ def plane_keeps(n, keep, gap, attempt, stop):
 
 @inline_kernel
 def look_at_stops(block, count, spheres, settings):
-    """The stop of each row; rows whose stop is not sure to keep every limit are not calm."""
+    """The stop of each row, and whether it is sure to keep every limit."""
     flight, share = settings.flight, 0.5 * settings.margin
     limits, period = flight.limits, flight.period
     for i in range(U(count)):
@@ -68,7 +68,7 @@ def look_at_stops(block, count, spheres, settings):
         does = does & (abs(snap[0]) + abs(snap[1]) + abs(snap[2]) < math.inf)
         attempt, stop = Attempt(x, snap, after, period), scaled(after, h)
         does = does & keeps_snap_and_jerk(after, stop, limits) & keeps_thrust(attempt, stop, limits.band)
-        block[i + U(LANES * CALM)] = block[i + U(LANES * CALM)] if does else 0.0
+        block[i + U(LANES * STOPS)] = block[i + U(LANES * STOPS)] if does else 0.0
         store_lane_flat(block, i + U(LANES * AFTER), after)
         store_triple(block, i + U(LANES * STOP), dead_beat_snap(after, NOTHING, h))
     for k in range(U(spheres)):
@@ -81,7 +81,7 @@ def look_at_stops(block, count, spheres, settings):
             gap, end = subtract(x.r, center), add(after.r, weighted(POSITION, I(12), stop))
             n = nearest_on_chord(gap, subtract(end, center))
             does = plane_keeps(n, (1 + share) * radius, gap, attempt, stop) | (not radius > 0.0)
-            block[i + U(LANES * CALM)] = block[i + U(LANES * CALM)] if does else 0.0
+            block[i + U(LANES * STOPS)] = block[i + U(LANES * STOPS)] if does else 0.0
 
 
 @kernel
@@ -90,6 +90,8 @@ def look_at_block(block, count, spheres, settings):
     wide_vectors()
     look_at_spheres(block, count, spheres, settings)
     look_at_stops(block, count, spheres, settings)
+    for i in range(U(count)):
+        block[i + U(LANES * CALM)] *= block[i + U(LANES * STOPS)]
 
 
 @kernel
@@ -113,9 +115,16 @@ def store_calm(i, row, block, remembered, answers, period):
     write3(answers.safe[row], lane_triple(block, U(i + LANES * SNAP)))
     store_stop(U(i), block, remembered.plans[row], period)
     for k in range(remembered.half_spaces.shape[1]):
-        at = LANES * (SPHERES + PER_SPHERE * k) + i
-        if block[at + LANES * 3] > 0.0:
-            chosen = remembered.half_spaces[row, k]
-            n = chosen["n"]
-            n[0], n[1], n[2] = lane_triple(block, U(at + LANES * 4))
-            chosen["least"] = block[at + LANES * 7]
+        is_taken((block, i), k, remembered.half_spaces[row, k], fact)
+
+
+@inline_kernel
+def is_stop_taken(found, plan, period):
+    """Whether the stop of a lane is sure, and so is stored; ``found`` as in ``is_taken``."""
+    if found is None:
+        return False
+    block, i = found
+    if not block[LANES * STOPS + i] > 0.0:
+        return False
+    store_stop(U(i), block, plan, period)
+    return True

@@ -4,7 +4,22 @@ from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, store_triple
 from quadsafe_core.kernels.vec3 import dot, norm, subtract
 from quadsafe_core.maths.held_input import derivatives, lift_after, polynomial, state_after, stays_above
-from shields.blocks.block import CALM, FOUND, SEEN, SNAP, VALUE, copy_lines, lane_flat, sphere_at
+from shields.blocks.block import (
+    ADMITTED,
+    ALONG,
+    CALM,
+    CUT,
+    FIRST,
+    FOUND,
+    LAST,
+    SEEN,
+    SET_VALUE,
+    SNAP,
+    VALUE,
+    copy_lines,
+    lane_flat,
+    sphere_at,
+)
 from shields.chains.lower_bound import quick_lower4
 from shields.chains.radial import LEAST_DISTANCE
 from shields.filters.easing import REACH, above, flat_output
@@ -66,27 +81,27 @@ def look_along_sight(block, count, settings):
         length = distance if distance > 0.0 else 1.0
         n = (gap[0] / length, gap[1] / length, gap[2] / length)
         does, value, is_cut, wish = along(block, i, n, settings)
-        is_far = (distance >= LEAST_DISTANCE) & (distance >= block[i + U(LANES * (SEEN + 3))])
-        block[i + U(LANES * FOUND)] = 1.0 if does & is_far else 0.0
-        block[i + U(LANES * (FOUND + 1))] = 1.0 if is_cut & is_far else 0.0
-        block[i + U(LANES * (FOUND + 2))] = value
-        store_triple(block, i + U(LANES * (FOUND + 3)), n)
-        block[i + U(LANES * (FOUND + 6))] = wish
+        radius, is_still = block[i + U(LANES * (SEEN + 3))], block[i + U(LANES * (SEEN + 7))] > 0.0
+        is_far = (distance >= LEAST_DISTANCE) & (distance >= radius) & (radius > 0.0) & is_still
+        block[i + U(LANES * CUT)] = 1.0 if is_cut & is_far else 0.0
+        store_triple(block, i + U(LANES * FOUND), n)
+        block[i + U(LANES * (FOUND + ALONG))] = wish
+        block[i + U(LANES * (FOUND + ADMITTED))] = 1.0 if does & is_far else 0.0
+        block[i + U(LANES * (FOUND + SET_VALUE))] = value
 
 
 @inline_kernel
 def look_along_last(block, count, settings):
     """The sphere that is looked at along the last direction, in the lanes where the line of sight is cut."""
     for i in range(U(count)):
-        n = lane_triple(block, i + U(LANES * (SEEN + 4)))
+        n, sight = lane_triple(block, i + U(LANES * (SEEN + 4))), lane_triple(block, i + U(LANES * FOUND))
         does, value, _, wish = along(block, i, n, settings)
-        takes = does & (dot(n, n) > 0.0) & (block[i + U(LANES * (FOUND + 1))] > 0.0)
-        sight = lane_triple(block, i + U(LANES * (FOUND + 3)))
-        block[i + U(LANES * FOUND)] = 1.0 if takes else block[i + U(LANES * FOUND)]
-        block[i + U(LANES * (FOUND + 2))] = value if takes else block[i + U(LANES * (FOUND + 2))]
+        takes = does & (dot(n, n) > 0.0) & (block[i + U(LANES * CUT)] > 0.0)
         kept = (n[0] if takes else sight[0], n[1] if takes else sight[1], n[2] if takes else sight[2])
-        store_triple(block, i + U(LANES * (FOUND + 3)), kept)
-        block[i + U(LANES * (FOUND + 6))] = wish if takes else block[i + U(LANES * (FOUND + 6))]
+        store_triple(block, i + U(LANES * FOUND), kept)
+        for line, new in ((ALONG, wish), (ADMITTED, 1.0), (SET_VALUE, value)):
+            at = i + U(LANES * FOUND) + U(LANES) * U(line)
+            block[at] = new if takes else block[at]
 
 
 @inline_kernel
@@ -94,7 +109,7 @@ def note_sphere(block, count):
     """Rows whose snap is not admitted are not calm; the least value of the others."""
     for i in range(U(count)):
         is_absent = not block[i + U(LANES * (SEEN + 3))] > 0.0
-        does, value = block[i + U(LANES * FOUND)] > 0.0, block[i + U(LANES * (FOUND + 2))]
+        does, value = block[i + U(LANES * (FOUND + ADMITTED))] > 0.0, block[i + U(LANES * (FOUND + SET_VALUE))]
         before, calm = block[i + U(LANES * VALUE)], block[i + U(LANES * CALM)]
         block[i + U(LANES * VALUE)] = before if is_absent else min(before, value)
         block[i + U(LANES * CALM)] = calm if is_absent | does else 0.0
@@ -105,7 +120,7 @@ def is_any_cut(block, count):
     """Whether the line of sight is cut in one of the lanes."""
     cut = 0.0
     for i in range(U(count)):
-        cut += block[i + U(LANES * (FOUND + 1))]
+        cut += block[i + U(LANES * CUT)]
     return cut > 0.0
 
 
@@ -113,9 +128,9 @@ def is_any_cut(block, count):
 def look_at_spheres(block, count, spheres, settings):
     """Direction and set value of each sphere; rows that one of them cuts are not calm."""
     for k in range(U(spheres)):
-        copy_lines(block, sphere_at(k), U(LANES * SEEN), I(7))
+        copy_lines(block, sphere_at(k), U(LANES * SEEN), I(FIRST))
         look_along_sight(block, count, settings)
         if is_any_cut(block, count):
             look_along_last(block, count, settings)
         note_sphere(block, count)
-        copy_lines(block, U(LANES * (FOUND + 3)), sphere_at(k) + U(LANES * 4), I(4))
+        copy_lines(block, U(LANES * FOUND), sphere_at(k) + U(LANES * (FIRST - 4)), I(LAST))

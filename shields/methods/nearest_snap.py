@@ -13,6 +13,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, vector, write3
 from quadsafe_core.maths.projection import project
 from shields.backup.stored_stop import NOTHING, within_ball
+from shields.blocks.block import is_taken
 from shields.chains.flat_state import Flat
 from shields.interface.bodies import Kept, is_there, look_at, spare_of, widened
 from shields.interface.records import Demand
@@ -28,6 +29,13 @@ class HalfSpaces(NamedTuple):
 
     normals: np.ndarray
     offsets: np.ndarray
+
+
+class Chosen(NamedTuple):
+    """Half-spaces of a vehicle (K) ``HALF_SPACE``, and where it was looked at before: block and lane, or None."""
+
+    half_spaces: np.ndarray
+    found: tuple | None
 
 
 class Row(NamedTuple):
@@ -63,15 +71,15 @@ def direction(half_space):
 
 
 @kernel
-def choose_directions(i, x, wanted, bodies, chosen, settings, fact):
+def choose_directions(i, x, wanted, bodies, row, settings, fact):
     """Pick the half-spaces of row i; whether one asks for a correction, and whether x is outside all bodies.
 
-    ``chosen``: (K) ``HALF_SPACE``, of the last period before and of this one after.
+    ``row``: ``Chosen``, of the last period before and of this one after.
     """
-    radius, is_cut, is_outside = bodies.radius, False, True
+    radius, is_cut, is_outside, chosen = bodies.radius, False, True, row.half_spaces
     for k in range(radius.shape[1]):
         core = entry_at(bodies.cores, (i, k))
-        if is_there(core, radius[i, k]):
+        if is_there(core, radius[i, k]) and not is_taken(row.found, k, chosen[k], fact):
             y = relative_to(x, triple(bodies.center, i, k), triple(bodies.velocity, i, k))
             n, margin, (distance, sight) = chosen[k]["n"], settings.margin, look_at(core, y.r)
             kept = Kept(widened(core, radius[i, k], margin), spare_of(core, radius[i, k], margin), core)

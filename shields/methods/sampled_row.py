@@ -24,8 +24,8 @@ from shields.backup.certificate import (
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
-from shields.blocks.block import CALM, block_for, fill
-from shields.blocks.calm import look_at_block, store_calm
+from shields.blocks.block import CALM, block_for, fill, find_nothing
+from shields.blocks.calm import is_stop_taken, look_at_block, store_calm
 from shields.interface.bodies import (
     as_one_row,
     bodies_of_row,
@@ -36,7 +36,7 @@ from shields.interface.bodies import (
 )
 from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
-from shields.methods.nearest_snap import JUST_INSIDE, Row, choose_directions, direction, nearest_snap
+from shields.methods.nearest_snap import JUST_INSIDE, Chosen, Row, choose_directions, direction, nearest_snap
 
 # Fewer rows than this are done one by one.
 FEW = 3
@@ -159,19 +159,22 @@ def careful_snap(x, wish, bodies, row, settings):
 
 
 @kernel
-def sampled_row(i, measured, remembered, settings, answers):
-    """Filter row i of what was measured; ``DONE``, or what is wrong with it."""
+def sampled_row(i, measured, remembered, settings, answers, found):
+    """Filter row i of what was measured; ``DONE``, or what is wrong with it. ``found`` as in ``is_taken``."""
     x, bodies, fact = flat_of_row(i, measured.flat), measured.bodies, answers.facts[i]
     wanted = wanted_snap(x, vector(measured.snap[i]), settings.braking, fact)
     plan, chosen, share = remembered.plans[i], remembered.half_spaces[i], 0.5 * settings.margin
-    is_cut, is_outside = choose_directions(i, x, wanted, bodies, chosen, settings, fact)
+    is_cut, is_outside = choose_directions(i, x, wanted, bodies, Chosen(chosen, found), settings, fact)
     is_wanted = fact["fallback"] == 0.0
     if (
         is_wanted
         and is_outside
         and settings.is_free
         and not is_cut
-        and accept_at_once(i, plan, x, wanted, bodies, share, settings.flight)
+        and (
+            is_stop_taken(found, plan, settings.flight.period)
+            or accept_at_once(i, plan, x, wanted, bodies, share, settings.flight)
+        )
     ):
         fact["certified"] = 1.0
         u = wanted
@@ -194,12 +197,12 @@ def rows_in_blocks(measured, remembered, settings, answers):
             fill(block, first, count, measured, remembered, settings.flight.period)
             look_at_block(block, count, spheres, settings)
         else:
-            block[LANES * CALM : LANES * CALM + count] = 0.0
+            find_nothing(block, count, spheres)
         for i in range(count):
             if block[LANES * CALM + i] > 0.0:
                 store_calm(i, first + i, block, remembered, answers, settings.flight.period)
             elif code == DONE:
-                code = sampled_row(first + i, measured, remembered, settings, answers)
+                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i))
     return code
 
 
@@ -209,7 +212,7 @@ def rows_one_by_one(measured, remembered, settings, answers):
     code = DONE
     for i in range(measured.flat.shape[0]):
         if code == DONE:
-            code = sampled_row(i, measured, remembered, settings, answers)
+            code = sampled_row(i, measured, remembered, settings, answers, None)
     return code
 
 

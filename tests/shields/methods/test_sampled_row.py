@@ -37,6 +37,7 @@ from shields.methods.memory import (
 from shields.methods.memory import settings_of as settings_in
 from shields.methods.nearest_snap import (
     LIMITS,
+    Chosen,
     Row,
     choose_directions,
     cut_as_chosen,
@@ -300,7 +301,7 @@ def test_directions_values_and_where_the_vehicle_is():
     settings = settings_of()
     spheres = as_one_row(spheres_at(((2.0, 0, 0), 1.0), ((0, 5.0, 0), 1.0), ((0, 0, 0), 0.0)))
     chosen, fact = np.zeros(3, dtype=HALF_SPACE), open_fact()
-    rows = (spheres, chosen, settings, fact)
+    rows = (spheres, Chosen(chosen, None), settings, fact)
     assert choose_directions(0, HOVER, (0.0, 0.0, 0.0), *rows) == (False, True)
     assert chosen["n"][:2].tolist() == [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
     assert fact["value"] == pytest.approx(2.0 - 1.005) and chosen[2] == np.zeros(1, dtype=HALF_SPACE)[0]
