@@ -55,30 +55,33 @@ class Distances(NamedTuple):
 
 
 @kernel
-def stop_keeps_limits(x, frame, h, limits):
-    """Whether a stop from x keeps the limits of snap, and of jerk and thrust where its arcs end."""
+def stop_may_be_clear(x, start, frame, h, bodies, limits):
+    """Whether points of a stop from x, and its rest, keep every limit: needed, and quick."""
     for _ in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
         if not norm(snap) <= limits.stop_snap_max:
             return False
+        middle = combined(combined(x.a, h / 2, x.j), h * h / 8, snap)
         x = flown(x, snap, h)
-        if not norm(x.j) <= limits.jerk_max or thrust_leaves(x.a, limits.band):
+        if not norm(x.j) <= limits.jerk_max:
             return False
-    return True
+        if thrust_leaves(middle, limits.band) or thrust_leaves(x.a, limits.band):
+            return False
+    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, bodies)
 
 
 @kernel
 def stop_is_clear(x, start, frame, h, bodies, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
-    # Most stops that are refused are refused here, in a hundredth of the time.
-    if not stop_keeps_limits(x, frame, h, limits):
+    # Most stops that are refused are refused here, before their arcs are cut into pieces.
+    if not stop_may_be_clear(x, start, frame, h, bodies, limits):
         return False
     for segment in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
         if not arc_is_clear(x, snap, start + segment * h, h, bodies, limits.band):
             return False
         x = flown(x, snap, h)
-    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, bodies)
+    return True
 
 
 @kernel
