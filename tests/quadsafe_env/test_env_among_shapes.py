@@ -199,6 +199,8 @@ def test_row_among_shapes_is_the_single_env_bit_for_bit(layout, conditions, monk
     assert singles
 
 
+# From within a body there is none.
+@pytest.mark.filterwarnings("ignore:no way around the obstacles:UserWarning")
 @pytest.mark.parametrize("velocity", [(0.0, 0.0, 0.0), (0.8, -0.5, 0.3)])
 def test_bodies_that_are_not_measured_are_never_the_nearest(velocity, monkeypatch):
     # Starts among the bodies will do.

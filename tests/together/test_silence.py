@@ -256,7 +256,7 @@ REFUSED = {
         lambda: Shield(uncertainty={"losses": 1}),
         "uncertainty.losses must be True or False, got 1",
     ),
-    "period, milliseconds": (lambda: asked(period=10), "period must be in seconds and at most 2, got 10"),
+    "period, milliseconds": (lambda: asked(period=10), "period must be in seconds and at most 1, got 10"),
     "period, text": (lambda: asked(period="0.01"), "period must be a finite number > 0, got '0.01'"),
     "period, truth": (lambda: asked(period=True), "period must be a finite number > 0, got True"),
     "velocity, nan": (
