@@ -82,7 +82,7 @@ def look_inside(wheel: Path) -> None:
     )
     assert "Typing :: Typed" in metadata.get_all("Classifier", [])
     assert any(URL in link for link in metadata.get_all("Project-URL", []))
-    assert f"]({URL}/raw/HEAD/docs/figures/flight.png)" in metadata.get_payload()
+    assert f"]({URL}/raw/HEAD/docs/figures/flight.webp)" in metadata.get_payload()
 
 
 def installed(home: Path, wheel: Path, options: list[str]) -> Path:
