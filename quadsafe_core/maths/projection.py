@@ -219,6 +219,46 @@ def project_batch(desired, normals, offsets, out, feasible):
         out[i, 0], out[i, 1], out[i, 2] = (x, y, z) if feasible[i] else (math.nan, math.nan, math.nan)
 
 
+@inline_kernel
+def _is_usable(desired, normals, offsets):
+    """Whether all is finite, and every normal of unit length."""
+    if not abs(desired[0]) + abs(desired[1]) + abs(desired[2]) <= LARGEST:
+        return False
+    for k in range(offsets.shape[0]):
+        normal = (normals[k, 0], normals[k, 1], normals[k, 2])
+        if not (abs(offsets[k]) <= LARGEST and abs(norm(normal) - 1.0) <= UNIT_TOLERANCE):
+            return False
+    return True
+
+
+@kernel
+def project_usable(desired, normals, offsets, out, feasible):
+    """``project_batch`` of rows that need no further look; False, and nothing said, if one does."""
+    for i in range(desired.shape[0]):
+        if not _is_usable(desired[i], normals[i], offsets[i]):
+            return False
+    project_batch(desired, normals, offsets, out, feasible)
+    return True
+
+
+def _projected_as_given(desired, normals, offsets) -> tuple[NDArray[np.float64], NDArray[np.bool_]] | None:
+    """The answer to float64 arrays in C order that belong together, and None for anything else."""
+    given = desired, normals, offsets
+    if not all(type(x) is np.ndarray and x.dtype == np.float64 and x.flags.c_contiguous for x in given):
+        return None
+    leading, shape = desired.shape[:-1], normals.shape
+    if desired.shape[-1:] != (3,) or shape != (*offsets.shape, 3) or offsets.shape[:-1] != leading:
+        return None
+    if leading == ():
+        desired, normals, offsets = desired[None], normals[None], offsets[None]
+    elif len(leading) > 1:
+        return None
+    out, feasible = np.empty(desired.shape), np.empty(len(desired), dtype=np.bool_)
+    if not project_usable(desired, normals, offsets, out, feasible):
+        return None
+    return (out, feasible) if leading else (out[0], feasible.reshape(()))
+
+
 def project_onto_halfspaces(
     desired: ArrayLike, normals: ArrayLike, offsets: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -239,6 +279,9 @@ def project_onto_halfspaces(
         ValueError: for wrong shapes, non-finite numbers, an offset of nan or +inf, or a normal that is not
             of unit length to 1e-12.
     """
+    found = _projected_as_given(desired, normals, offsets)
+    if found is not None:
+        return found
     count = shaped_array("normals", normals, ("K", 3)).shape[-2]
     # The least float stands for "absent", so that everything is finite.
     offsets = np.maximum(shaped_array("offsets", offsets, (count,)), -LARGEST)

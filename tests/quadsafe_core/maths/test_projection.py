@@ -363,3 +363,37 @@ def test_planes_are_exchanged_in_closed_form(count):
         found += 1
         left.add(len(kept))
     assert found > 20 and len(left) == min(count, 2)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("leading", [(), (4,), (2, 3)])
+def test_arrays_as_they_are_get_what_lists_get(leading):
+    rng = np.random.default_rng(6)
+    normals = unit(rng.normal(size=(*leading, 5, 3)))
+    desired, offsets = 2.0 * rng.normal(size=(*leading, 3)), rng.normal(size=(*leading, 5)) - 0.5
+    for given in (offsets, np.where(rng.random(offsets.shape) < 0.3, -np.inf, offsets)):
+        quick, careful = (
+            project_onto_halfspaces(*arguments)
+            for arguments in ((desired, normals, given), (desired.tolist(), normals.tolist(), given.tolist()))
+        )
+        for found, expected in zip(quick, careful, strict=True):
+            assert found.shape == expected.shape and found.dtype == expected.dtype
+            np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "sentence"),
+    [
+        ("desired", np.nan, "desired must be finite"),
+        ("normals", np.nan, "normals must be finite"),
+        ("normals", 3.0, "normals must be unit vectors"),
+        ("offsets", np.nan, "offsets must be finite"),
+        ("offsets", np.inf, "offsets must be finite"),
+    ],
+)
+def test_arrays_with_one_bad_number_are_refused_as_lists_are(place, value, sentence):
+    given = {"desired": np.zeros(3), "normals": np.eye(3), "offsets": -np.ones(3)}
+    project_onto_halfspaces(**given)
+    given[place].flat[0] = value
+    with pytest.raises(ValueError, match=f"^{sentence}"):
+        project_onto_halfspaces(**given)
