@@ -1,0 +1,82 @@
+"""What the shield costs in a vector env: a step without and with it, and one call of the filter for each row.
+
+    python benchmarks/filter_calls.py
+    PYTHONPATH=../before python benchmarks/filter_calls.py    # of another build, a worktree beside this one
+
+1,024 rows under random actions, the thread's own time, the first quartile of 40 steps; 25, 100 and 500 Hz of
+policy, control and physics, in Forest 50, 50 and 500 Hz.
+"""
+
+import time
+from itertools import cycle
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import quadsafe_env  # noqa: F401 - registers the ids
+from shields import Shield, VectorShieldWrapper
+
+ROWS, STEPS, WARM = 1024, 40, 10
+FAST = {"policy_hz": 25, "control_hz": 100, "physics_hz": 500}
+PLAIN = {"policy_hz": 50, "control_hz": 50, "physics_hz": 500}
+
+
+class TimedShield:
+    """Keeps how long each call of a filter took, s."""
+
+    def __init__(self):
+        self.times: list[float] = []
+        self._filter = Shield.filter
+
+    def __enter__(self) -> "TimedShield":
+        def timed(shield, *arguments):
+            begun = time.thread_time()
+            answer = self._filter(shield, *arguments)
+            self.times.append(time.thread_time() - begun)
+            return answer
+
+        Shield.filter = timed  # type: ignore[method-assign]
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        Shield.filter = self._filter  # type: ignore[method-assign]
+
+
+def nanoseconds(times: list[float]) -> float:
+    """The first quartile, for each row."""
+    return 1e9 * float(np.quantile(times, 0.25)) / ROWS
+
+
+def measured(env_id: str, is_shielded: bool, **keywords: Any) -> tuple[float, float]:
+    """ns a row: of a step, and of a call of the filter."""
+    env: Any = gymnasium.make_vec(env_id, ROWS, **keywords)
+    env = VectorShieldWrapper(env) if is_shielded else env
+    env.reset(seed=0)
+    actions = cycle(np.random.default_rng(0).uniform(-1, 1, (16, ROWS, 4)).astype(np.float32))
+    for _ in range(WARM):
+        env.step(next(actions))
+    steps = []
+    with TimedShield() as calls:
+        for _ in range(STEPS):
+            begun = time.thread_time()
+            env.step(next(actions))
+            steps.append(time.thread_time() - begun)
+    return nanoseconds(steps), nanoseconds(calls.times) if calls.times else 0.0
+
+
+def main() -> None:
+    print(f"{'ns a row':28}{'step':>8}{'shielded':>10}{'ratio':>8}{'a call':>8}")
+    for action in ("velocity", "snap"):
+        plain = measured("QuadSafe/Avoid-v0", False, action=action, **FAST)[0]
+        shielded, call = measured("QuadSafe/Avoid-v0", True, action=action, **FAST)
+        print(f"{'Avoid, ' + action:28}{plain:8.0f}{shielded:10.0f}{shielded / plain:8.2f}{call:8.0f}")
+    for count in (1, 2, 4, 8, 16, 32, 64):
+        spheres = {"sphere_count": count, "sphere_radius": [0.05, 0.1]}
+        plain = measured("QuadSafe/Forest-v0", False, **spheres, **PLAIN)[0]
+        shielded, call = measured("QuadSafe/Forest-v0", True, **spheres, **PLAIN)
+        print(f"{f'Forest, {count} spheres':28}{plain:8.0f}{shielded:10.0f}{shielded / plain:8.2f}{call:8.0f}")
+
+
+if __name__ == "__main__":
+    main()
