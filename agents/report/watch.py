@@ -42,6 +42,7 @@ class Flight:
     def __init__(self, env: Any, agent: Agent, scene: int):
         self._env, self._agent, self._scene = env, agent, scene
         self._steps, self._acted, self._clearance, self._end = 0, 0, np.inf, "was stopped"
+        self._is_told = False
 
     def frames(self) -> Iterator[Any]:
         """Fly; what ``render()`` gives at the start and after every step."""
@@ -57,6 +58,7 @@ class Flight:
     def _count(self, info: dict[str, Any], is_over: bool) -> None:
         self._steps += 1
         shield = shield_in(info)
+        self._is_told = shield is not None
         self._acted += shield is not None and shield["intervened"]
         self._clearance = min(self._clearance, info["clearance"])
         if is_over:
@@ -70,7 +72,9 @@ class Flight:
 
     def sentence(self) -> str:
         """How it went."""
-        shield = f"shield acted in {self._acted} steps" if self._env.unwrapped.is_shielded else "no shield"
+        shield = f"shield acted in {self._acted} steps" if self._is_told else "no shield"
+        if self._env.unwrapped.is_shielded and not self._is_told:
+            shield = "behind a filter in the slot that tells nothing"
         return (
             f"Scene {self._scene}: {self._end} after {self._steps} steps, "
             f"least clearance {self._clearance:.3f} m, {shield}."

@@ -41,6 +41,14 @@ def test_a_shielded_env_with_a_map_is_filmed_as_it_is(tmp_path):
     assert "shield acted in" in agents.film(env, straight, str(tmp_path / "flight.gif"))
 
 
+def test_the_env_within_a_wrapper_says_that_it_is_still_shielded(tmp_path):
+    env = made(obstacles=[[0.0, 0.0, 0.0, 0.5]])
+    wrapped = ShieldWrapper(env)
+    assert "behind a filter in the slot" in agents.film(env, straight, tmp_path / "behind.webp")
+    wrapped.remove()
+    assert "no shield" in agents.film(env, straight, tmp_path / "without.webp")
+
+
 def test_mp4_through_the_program_that_a_package_brings(tmp_path, monkeypatch):
     package = pytest.importorskip("imageio_ffmpeg")
     monkeypatch.setattr(shutil, "which", lambda name: None)
