@@ -371,10 +371,10 @@ def test_arrays_as_they_are_get_what_lists_get(leading):
     rng = np.random.default_rng(6)
     normals = unit(rng.normal(size=(*leading, 5, 3)))
     desired, offsets = 2.0 * rng.normal(size=(*leading, 3)), rng.normal(size=(*leading, 5)) - 0.5
-    for given in (offsets, np.where(rng.random(offsets.shape) < 0.3, -np.inf, offsets)):
+    for bounds in (offsets, np.where(rng.random(offsets.shape) < 0.3, -np.inf, offsets)):
         quick, careful = (
             project_onto_halfspaces(*arguments)
-            for arguments in ((desired, normals, given), (desired.tolist(), normals.tolist(), given.tolist()))
+            for arguments in ((desired, normals, bounds), (desired.tolist(), normals.tolist(), bounds.tolist()))
         )
         for found, expected in zip(quick, careful, strict=True):
             assert found.shape == expected.shape and found.dtype == expected.dtype
@@ -392,8 +392,8 @@ def test_arrays_as_they_are_get_what_lists_get(leading):
     ],
 )
 def test_arrays_with_one_bad_number_are_refused_as_lists_are(place, value, sentence):
-    given = {"desired": np.zeros(3), "normals": np.eye(3), "offsets": -np.ones(3)}
-    project_onto_halfspaces(**given)
-    given[place].flat[0] = value
+    asked = {"desired": np.zeros(3), "normals": np.eye(3), "offsets": -np.ones(3)}
+    project_onto_halfspaces(**asked)
+    asked[place].flat[0] = value
     with pytest.raises(ValueError, match=f"^{sentence}"):
-        project_onto_halfspaces(**given)
+        project_onto_halfspaces(**asked)
