@@ -34,6 +34,7 @@ from shields.backup.stored_stop import NOTHING, periods_of
 from shields.chains.flat_state import Flat
 from shields.interface.row_checks import is_finite
 
+NO_SNAP = (math.nan, math.nan, math.nan)
 SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, CUT, FOUND, STOPS, SPHERES = (
     12,
     15,
@@ -90,8 +91,9 @@ def fill(block, first, count, measured, remembered, period):
     to_lanes(measured.flat.reshape(-1), 12, first, count, block, I(0))
     for i in range(count):
         row = first + i
-        for axis in range(3):
-            block[LANES * (SNAP + axis) + i] = measured.snap[row, axis]
+        snap = vector(measured.snap[row])
+        # NaN for an infinity too: both only fail every test, and NaN does so without a warning where it is interpreted.
+        store_triple(block, U(LANES * SNAP + i), snap if is_finite(snap) else NO_SNAP)
         block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
         block[LANES * CALM + i], block[LANES * VALUE + i], block[LANES * STOPS + i] = 1.0, math.inf, 1.0
     fill_spheres(block, first, count, measured, remembered.half_spaces)
