@@ -94,7 +94,7 @@ def fill(block, first, count, measured, remembered, period):
         snap = vector(measured.snap[row])
         # NaN for an infinity too: both only fail every test, and NaN does so without a warning where it is interpreted.
         store_triple(block, U(LANES * SNAP + i), snap if is_finite(snap) else NO_SNAP)
-        block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
+        block[LANES * LENGTH + i] = periods_of(int(remembered.plans[row]["choice"]), period) * period
         block[LANES * CALM + i], block[LANES * VALUE + i], block[LANES * STOPS + i] = 1.0, math.inf, 1.0
     fill_spheres(block, first, count, measured, remembered.half_spaces)
 
