@@ -24,7 +24,7 @@ from shields.backup.certificate import (
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import reference, within_ball
-from shields.blocks.block import CALM, block_for, fill, find_nothing
+from shields.blocks.block import CALM, block_for, fill
 from shields.blocks.calm import is_stop_taken, look_at_block, store_calm
 from shields.interface.bodies import (
     as_one_row,
@@ -190,19 +190,18 @@ def sampled_row(i, measured, remembered, settings, answers, found):
 def rows_in_blocks(measured, remembered, settings, answers):
     """``sampled_row`` of every row, sixteen at a time; the first code that is not ``DONE``."""
     n, spheres, code = measured.flat.shape[0], measured.bodies.radius.shape[1], DONE
-    block = block_for(spheres)
+    block = block_for(spheres if n >= FEW else 0)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
-        if count >= FEW:
+        is_looked_at = count >= FEW
+        if is_looked_at:
             fill(block, first, count, measured, remembered, settings.flight.period)
             look_at_block(block, count, spheres, settings)
-        else:
-            find_nothing(block, count, spheres)
         for i in range(count):
-            if block[LANES * CALM + i] > 0.0:
+            if is_looked_at and block[LANES * CALM + i] > 0.0:
                 store_calm(i, first + i, block, remembered, answers, settings.flight.period)
             elif code == DONE:
-                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i))
+                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i, is_looked_at))
     return code
 
 
