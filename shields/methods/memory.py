@@ -61,8 +61,10 @@ HALF_SPACE = np.dtype([("n", "f8", (3,)), ("least", "f8")])
 UNREAD = Authority(1.0, 1.0, 1.0, 20.0, 9.81)
 SETTINGS_ROW, PLANS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=PLAN)
 HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
-# Among more bodies than this, those out of reach are not looked at; fewer are quicker in blocks.
-MANY = 64
+# Fewer rows than this are done one by one.
+FEW = 3
+# Among more bodies than this, those out of reach are not looked at; of one row alone, and in blocks.
+MANY, MANY_IN_BLOCKS = 10, 64
 
 
 class Width(NamedTuple):
@@ -241,9 +243,10 @@ def write_settings(
     record["authority"] = bounds.authority or UNREAD
 
 
-def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, obstacles: int) -> Kind:
-    """Which limits a shield of these settings has among so many obstacles."""
+def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, size: tuple[int, int]) -> Kind:
+    """Which limits a shield of these settings has, for N vehicles among K obstacles."""
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
     free = 1 if closes is None and authority is None else None
-    return Kind(closes, authority, 1 if has_tube else None, free, free if obstacles > MANY else None)
+    most = MANY if size[0] < FEW else MANY_IN_BLOCKS
+    return Kind(closes, authority, 1 if has_tube else None, free, free if size[1] > most else None)

@@ -1,14 +1,14 @@
-"""Which of many bodies matter to a vehicle that flies as it wants: those within reach.
+"""Which of many bodies matter to a vehicle whose snap is not refused: those within reach.
 
 In a period and the stop after it a vehicle stays within S of where it is, and its distance from a body at rest
-falls by no more than D before ū has turned it, by (8) in the worst of all directions:
+falls by no more than D before ū has turned it, by (8) in the worst of all directions, whatever snap up to w:
 
-    D = −g_4(−(‖j‖ + (ū + ‖u‖)Δ), −‖a‖, −‖v‖, 0),   t_star = T                                           (W1)
+    D = −g_4(−(‖j‖ + (ū + w)Δ), −‖a‖, −‖v‖, 0),   t_star = T                                             (W1)
 
-A body at rest that is farther away than 3 S, than D + (ū + ‖u‖) Δ T³ / 6γ, and than the law of the easing
-reaches, asks for nothing: along the line of sight the wanted snap is admitted, and one plane keeps the stop away.
-Its set value is no less than its distance less D, and so not the least where another distance is less than that.
-The proof is in ``docs/theory/reach.md``.
+A body at rest that is farther away than 3 S, than D + (ū + w) Δ T³ / 6γ, and than the easing reaches, asks
+for nothing: along the line of sight the snap is admitted, and one plane keeps the stop away. Its set value is no
+less than its distance less D, and so not the least where another distance is less than that. The proof is in
+``docs/theory/reach.md``.
 
 Of a body that is not looked at the gap from its centre is kept, and made a direction when that is needed.
 """
@@ -74,10 +74,10 @@ def room_among(bodies):
 
 
 @kernel
-def reach_of(x, snap, h, sampling):
-    """D of (W1), and how near a body has to be to matter, m, where a stop in segments of h follows the snap."""
+def reach_of(x, u, h, sampling):
+    """D of (W1), and how near a body has to be to matter, m, to snaps up to u and a stop in segments of h."""
     u_max, t, gains = sampling.u_max, sampling.period, sampling.easing.feedback
-    v, a, j, u = norm(x.v), norm(x.a), norm(x.j), norm(snap)
+    v, a, j = norm(x.v), norm(x.a), norm(x.j)
     push = (u_max + u) * t
     value, late = lower4(-(j + push), -a, -v, 0.0, u_max, 0.0)
     along_sight = push * late * late * late / (6.0 * sampling.gamma) - value
@@ -120,9 +120,9 @@ def least_apart(i, x, bodies, margin, apart):
 
 
 @kernel
-def look_around(i, x, snap, h, bodies, settings, near):
-    """How near a body of row i has to be to matter, m; how near they are goes into the room."""
-    drop, reach = reach_of(x, snap, h, settings.sampling)
+def look_around(i, x, u, h, bodies, settings, near):
+    """How near a body of row i has to be to matter to snaps up to u, m; the room gets how near they are."""
+    drop, reach = reach_of(x, u, h, settings.sampling)
     nearest = least_apart(i, x, bodies, settings.margin, near.apart)
     size = abs(x.r[0]) + abs(x.r[1]) + abs(x.r[2])
     return SLACK * max(reach, nearest + drop) + LEAST_SLACK + ROUNDING * size
@@ -199,3 +199,10 @@ def recall_directions(i, bodies, half_spaces):
             n = half_spaces[i, k]["n"]
             n[0], n[1], n[2] = last_direction(entry_at(bodies.cores, (i, k)), half_spaces[i, k])
             half_spaces[i, k]["least"] = 0.0
+
+
+@inline_kernel
+def name_body(fact, near):
+    """Name the body of the room that asked for most by its number among all."""
+    if fact["obstacle"] >= 0.0:
+        fact["obstacle"] = near.index[int(fact["obstacle"])]

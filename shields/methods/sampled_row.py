@@ -36,11 +36,26 @@ from shields.interface.bodies import (
 )
 from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
-from shields.methods.nearest_snap import JUST_INSIDE, Chosen, Row, choose_directions, direction, nearest_snap
-from shields.methods.reach import as_bodies, bodies_within, look_around, recall_directions, remember, room_among
+from shields.methods.memory import FEW
+from shields.methods.nearest_snap import (
+    JUST_INSIDE,
+    Chosen,
+    Row,
+    choose_directions,
+    direction,
+    nearest_snap,
+    snap_within,
+)
+from shields.methods.reach import (
+    as_bodies,
+    bodies_within,
+    look_around,
+    name_body,
+    recall_directions,
+    remember,
+    room_among,
+)
 
-# Fewer rows than this are done one by one.
-FEW = 3
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
 
@@ -217,10 +232,10 @@ def rows_one_by_one(measured, remembered, settings, answers):
 
 
 @kernel
-def is_flown_as_wanted(i, measured, remembered, settings, answers, near):
-    """Whether the desired snap of row i can be flown; then what it asks for is answered, as by ``sampled_row``.
+def is_done_within_reach(i, measured, remembered, settings, answers, near):
+    """Whether row i is answered, as by ``sampled_row``, with a look at the bodies within reach only.
 
-    Only the bodies within reach are looked at.
+    It is not where its snap is refused, too long, or not finite, and not inside a body.
     """
     x, bodies, fact, plan = (
         flat_of_row(i, measured.flat),
@@ -229,27 +244,32 @@ def is_flown_as_wanted(i, measured, remembered, settings, answers, near):
         remembered.plans[i],
     )
     wanted, flight = wanted_snap(x, vector(measured.snap[i]), settings.braking, fact), settings.flight
-    reach = look_around(i, x, wanted, length_of(plan, flight.period), bodies, settings, near)
+    most, h = norm(wanted) + settings.sampling.u_max, length_of(plan, flight.period)
+    reach = look_around(i, x, most, h, bodies, settings, near)
     count = bodies_within(i, bodies, remembered.half_spaces, reach, near)
     if fact["fallback"] != 0.0 or count < 0:
         return False
-    within, chosen = as_bodies(near, count), Chosen(near.half_spaces, None)
-    is_cut, is_outside = choose_directions(0, x, wanted, within, chosen, settings, fact)
-    if is_cut or not is_outside:
+    within, chosen = as_bodies(near, count), near.half_spaces[:count]
+    is_cut, is_outside = choose_directions(0, x, wanted, within, Chosen(chosen, None), settings, fact)
+    if not is_outside:
         return False
-    if not accept_at_once(0, plan, x, wanted, within, 0.5 * settings.margin, flight):
+    row = Row(chosen, plan, fact)
+    u, longest = snap_within(x, wanted, is_cut, bodies_of_row(0, within), row, settings)
+    if not (longest <= most and accept_at_once(0, plan, x, u, within, 0.5 * settings.margin, flight)):
         return False
     remember(i, x, bodies, remembered.half_spaces, reach, near)
-    fact["certified"] = 1.0
-    return answer(i, wanted, wanted, answers)
+    name_body(fact, near)
+    note_kind(fact, ACCEPTED, True)
+    fact["reserve"] /= settings.sampling.u_max
+    return answer(i, wanted, u, answers)
 
 
 @kernel
 def rows_within_reach(measured, remembered, settings, answers):
-    """``sampled_row`` of every row; of those that fly as they want only with the bodies within reach."""
+    """``sampled_row`` of every row, where that is enough with a look at the bodies within reach only."""
     code, near = DONE, room_among(measured.bodies)
     for i in range(measured.flat.shape[0]):
-        if code == DONE and not is_flown_as_wanted(i, measured, remembered, settings, answers, near):
+        if code == DONE and not is_done_within_reach(i, measured, remembered, settings, answers, near):
             recall_directions(i, measured.bodies, remembered.half_spaces)
             code = sampled_row(i, measured, remembered, settings, answers, None)
     return code

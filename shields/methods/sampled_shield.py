@@ -94,5 +94,5 @@ class SampledMethod:
         held.rows.plans["is_stored"] = False
         bounds = bounds_of(self._settings)
         write_settings(held.settings[0], self._settings, period, bounds, held_gains(4, TRACKING_POLE, period))
-        kind = kind_of(self._settings, bounds, has_tube=False, obstacles=self._size[1])
+        kind = kind_of(self._settings, bounds, has_tube=False, size=self._size)
         return Kernels(sampled_batch, sampled_one, self.memory, tuple(kind))

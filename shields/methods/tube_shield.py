@@ -276,7 +276,7 @@ class TubeMethod:
         held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
-        kind = kind_of(self._settings, bounds, has_tube=True, obstacles=self._size[1])
+        kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
         return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:

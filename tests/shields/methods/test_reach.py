@@ -68,8 +68,8 @@ def both_ways(monkeypatch, has_shapes, steps, **settings):
     """The same flights with and without a look at what is out of reach."""
     rng = np.random.default_rng(3)
     packed, found = field(rng, 90, has_shapes), []
-    for many in (memory.MANY, 10**9):
-        monkeypatch.setattr(memory, "MANY", many)
+    for many in (memory.MANY_IN_BLOCKS, 10**9):
+        monkeypatch.setattr(memory, "MANY_IN_BLOCKS", many)
         shield = Shield(**settings)
         found.append(flight(shield, in_rows(packed, 4), np.random.default_rng(4), 4, steps))
     return found
@@ -105,7 +105,7 @@ def asks_for_nothing(x, snap, h, gap, sampling):
     attempt = Attempt(y, snap, flown(y, snap, sampling.period), sampling.period)
     sphere = Bodies(np.zeros((1, 1, 3)), np.zeros((1, 1, 3)), np.full((1, 1), 0.5))
     is_clear = is_clear_at_once(0, attempt, h, sphere, 0.5 * MARGIN, FREE_LIMITS)
-    drop, _ = reach_of(x, snap, h, sampling)
+    drop, _ = reach_of(x, np.linalg.norm(snap), h, sampling)
     noise = 1e-12 * length
     is_bounded = length - keep - SLACK * drop <= demand.value <= length - keep + noise
     return (
@@ -125,7 +125,7 @@ def test_beyond_its_reach_a_vehicle_is_asked_for_nothing_and_within_it_sometimes
         # Straight ahead or anywhere.
         away = -numbers[rng.integers(1, 5)] + 1e-3 * away if rng.random() < 0.7 else away
         away = away / np.linalg.norm(away)
-        reach = SLACK * reach_of(x, snap, h, sampling)[1]
+        reach = SLACK * reach_of(x, np.linalg.norm(snap), h, sampling)[1]
         for share in (1.0, 1.5):
             far = tuple((away * (share * reach + 0.5 * (1 + MARGIN))).tolist())
             assert asks_for_nothing(x, snap, h, far, sampling)
