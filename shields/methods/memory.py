@@ -77,14 +77,15 @@ class Width(NamedTuple):
 class Kind(NamedTuple):
     """Which limits a shield has beyond distances: 1, or None for what there is not, which is not compiled.
 
-    ``free``: no limits but those of a flight. ``many``: that, and so many bodies that those out of reach are
-    not looked at. It crosses into a kernel as a plain tuple, in a third of the time.
+    ``blocks``: no limits but those of a flight, and rows enough to be looked at side by side. ``many``: no
+    other limits, and so many bodies that those out of reach are not looked at. It crosses into a kernel as a
+    plain tuple, in a third of the time.
     """
 
     closing: int | None
     authority: int | None
     tube: int | None
-    free: int | None
+    blocks: int | None
     many: int | None
 
 
@@ -248,5 +249,6 @@ def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, s
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
     free = 1 if closes is None and authority is None else None
-    most = MANY if size[0] < FEW else MANY_IN_BLOCKS
-    return Kind(closes, authority, 1 if has_tube else None, free, free if size[1] > most else None)
+    blocks = None if size[0] < FEW else free
+    most = MANY if blocks is None else MANY_IN_BLOCKS
+    return Kind(closes, authority, 1 if has_tube else None, blocks, free if size[1] > most else None)

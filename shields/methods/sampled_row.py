@@ -206,7 +206,7 @@ def sampled_row(i, measured, remembered, settings, answers, found):
 def rows_in_blocks(measured, remembered, settings, answers):
     """``sampled_row`` of every row, sixteen at a time; the first code that is not ``DONE``."""
     n, spheres, code = measured.flat.shape[0], measured.bodies.radius.shape[1], DONE
-    block = block_for(spheres if n >= FEW else 0)
+    block = block_for(spheres)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
         is_looked_at = count >= FEW
@@ -276,15 +276,15 @@ def rows_within_reach(measured, remembered, settings, answers):
 
 
 @kernel
-def sampled_rows(cores, free, many, measured, remembered, settings, answers):
+def sampled_rows(cores, blocks, many, measured, remembered, settings, answers):
     """``sampled_row`` of every row: within reach of many bodies; else among spheres in blocks; else one by one.
 
-    ``free`` and ``many`` as in ``Kind``.
+    ``blocks`` and ``many`` as in ``Kind``.
     """
     if many is not None:
         return rows_within_reach(measured, remembered, settings, answers)
     # One condition each, or none would be dropped where it is compiled.
     if cores is None:  # noqa: SIM102
-        if free is not None:
+        if blocks is not None:
             return rows_in_blocks(measured, remembered, settings, answers)
     return rows_one_by_one(measured, remembered, settings, answers)
