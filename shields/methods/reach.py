@@ -6,9 +6,9 @@ falls by no more than D before ū has turned it, by (8) in the worst of all dire
     D = −g_4(−(‖j‖ + (ū + w)Δ), −‖a‖, −‖v‖, 0),   t_star = T                                             (W1)
 
 A body at rest that is farther away than 3 S, than D + (ū + w) Δ T³ / 6γ, and than the easing reaches, asks
-for nothing: along the line of sight the snap is admitted, and one plane keeps the stop away. Its set value is no
-less than its distance less D, and so not the least where another distance is less than that. The proof is in
-``docs/theory/reach.md``.
+for nothing: along the line of sight the snap is admitted, and one plane keeps the stop away. Its set value is
+no less than its distance less D, and so not the least where another distance is less than that. The proof is
+in ``docs/theory/reach.md``.
 
 Of a body that is not looked at the gap from its centre is kept, and made a direction when that is needed.
 """
