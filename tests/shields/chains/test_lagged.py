@@ -219,6 +219,19 @@ def test_l3_without_the_position_the_lead_form_is_not_inside(n):
 
 
 @each_order
+def test_l4_the_leads_of_both_ends_are_inside_for_every_constant_lag_between_and_one_is_not(n):
+    case = Case(n, 3000)
+    ends = (case.lag, 3.0 * case.lag)
+    low, high = (lower_value(lead(case.x, case.s, lag), case.u_max, 0.0)[0] for lag in ends)
+    room = 1e-12 * (1.0 + np.abs(case.x).sum(axis=1))
+    for share in (0.0, 0.3, 0.7, 1.0):
+        lag = (1.0 - share) * ends[0] + share * ends[1]
+        exact = lagged_lower_value(case.x, case.s, case.u_max, 0.0, lag)[0]
+        assert (np.minimum(np.minimum(low, high), case.x[:, -1]) <= exact + room).all()
+        assert share != 0.7 or (np.minimum(low, case.x[:, -1]) > exact + 1e-4).any()
+
+
+@each_order
 def test_l4_no_course_of_the_lag_in_its_interval_does_worse_than_a_corner(n):
     case = Case(n).on_border()
     lags = (case.lag, 3.0 * case.lag)
