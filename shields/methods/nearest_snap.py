@@ -32,7 +32,7 @@ class HalfSpaces(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """Half-spaces of a vehicle (K) ``HALF_SPACE``, and where it was looked at: block and lane, or None."""
+    """Half-spaces of a vehicle (K) ``HALF_SPACE``, and what was found of it before, as in ``is_taken``."""
 
     half_spaces: np.ndarray
     found: tuple | None

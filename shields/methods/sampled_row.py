@@ -24,7 +24,7 @@ from shields.backup.certificate import (
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import length_of, reference, within_ball
-from shields.blocks.block import CALM, block_for, fill, find_nothing
+from shields.blocks.block import CALM, block_for, fill
 from shields.blocks.calm import is_stop_taken, look_at_block, store_calm
 from shields.interface.bodies import (
     as_one_row,
@@ -209,16 +209,15 @@ def rows_in_blocks(measured, remembered, settings, answers):
     block = block_for(spheres)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
-        if count >= FEW:
+        is_looked_at = count >= FEW
+        if is_looked_at:
             fill(block, first, count, measured, remembered, settings.flight.period)
             look_at_block(block, count, spheres, settings)
-        else:
-            find_nothing(block, count, spheres)
         for i in range(count):
-            if block[LANES * CALM + i] > 0.0:
+            if is_looked_at and block[LANES * CALM + i] > 0.0:
                 store_calm(i, first + i, block, remembered, answers, settings.flight.period)
             elif code == DONE:
-                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i))
+                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i, is_looked_at))
     return code
 
 
@@ -277,15 +276,15 @@ def rows_within_reach(measured, remembered, settings, answers):
 
 
 @kernel
-def sampled_rows(cores, lanes, many, measured, remembered, settings, answers):
+def sampled_rows(cores, blocks, many, measured, remembered, settings, answers):
     """``sampled_row`` of every row: within reach of many bodies; else among spheres in blocks; else one by one.
 
-    ``lanes`` and ``many`` as in ``Kind``.
+    ``blocks`` and ``many`` as in ``Kind``.
     """
     if many is not None:
         return rows_within_reach(measured, remembered, settings, answers)
     # One condition each, or none would be dropped where it is compiled.
     if cores is None:  # noqa: SIM102
-        if lanes is not None:
+        if blocks is not None:
             return rows_in_blocks(measured, remembered, settings, answers)
     return rows_one_by_one(measured, remembered, settings, answers)
