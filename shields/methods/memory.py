@@ -77,15 +77,15 @@ class Width(NamedTuple):
 class Kind(NamedTuple):
     """Which limits a shield has beyond distances: 1, or None for what there is not, which is not compiled.
 
-    With no limits but those of a flight, ``lanes``: as many rows as are done in blocks; ``many``: so many
-    bodies that those out of reach are not looked at. It crosses into a kernel as a plain tuple, in a third of
-    the time.
+    ``blocks``: no limits but those of a flight, and rows enough to be looked at side by side. ``many``: no
+    other limits, and so many bodies that those out of reach are not looked at. It crosses into a kernel as a
+    plain tuple, in a third of the time.
     """
 
     closing: int | None
     authority: int | None
     tube: int | None
-    lanes: int | None
+    blocks: int | None
     many: int | None
 
 
@@ -248,7 +248,7 @@ def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, s
     """Which limits a shield of these settings has, for N vehicles among K obstacles."""
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
-    is_free, is_block = closes is None and authority is None, size[0] >= FEW
-    is_many = size[1] > (MANY_IN_BLOCKS if is_block else MANY)
-    has = (has_tube, is_free and is_block, is_free and is_many)
-    return Kind(closes, authority, *(1 if does else None for does in has))
+    free = 1 if closes is None and authority is None else None
+    blocks = None if size[0] < FEW else free
+    most = MANY if blocks is None else MANY_IN_BLOCKS
+    return Kind(closes, authority, 1 if has_tube else None, blocks, free if size[1] > most else None)

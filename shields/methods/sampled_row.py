@@ -276,15 +276,15 @@ def rows_within_reach(measured, remembered, settings, answers):
 
 
 @kernel
-def sampled_rows(cores, lanes, many, measured, remembered, settings, answers):
+def sampled_rows(cores, blocks, many, measured, remembered, settings, answers):
     """``sampled_row`` of every row: within reach of many bodies; else among spheres in blocks; else one by one.
 
-    ``lanes`` and ``many`` as in ``Kind``.
+    ``blocks`` and ``many`` as in ``Kind``.
     """
     if many is not None:
         return rows_within_reach(measured, remembered, settings, answers)
     # One condition each, or none would be dropped where it is compiled.
     if cores is None:  # noqa: SIM102
-        if lanes is not None:
+        if blocks is not None:
             return rows_in_blocks(measured, remembered, settings, answers)
     return rows_one_by_one(measured, remembered, settings, answers)
