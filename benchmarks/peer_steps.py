@@ -1,8 +1,9 @@
 """Shielded policy steps of a batch against the unshielded ones of crazyflow, a simulator of quadrotors in JAX.
 
     pip install crazyflow
-    SCIPY_ARRAY_API=1 python benchmarks/peer_steps.py    # crazyflow asks for it where scipy is imported before it
-    SCIPY_ARRAY_API=1 PYTHONPATH=../before python benchmarks/peer_steps.py    # of another build, a worktree beside this one
+    export SCIPY_ARRAY_API=1    # crazyflow asks for it where scipy is imported before it
+    python benchmarks/peer_steps.py
+    PYTHONPATH=../before python benchmarks/peer_steps.py    # of another build, a worktree beside this one
 
 16,384 vehicles at 50 Hz with ten physics steps in each. Ours: `gymnasium.make_vec` with the shield, random
 velocity and snap commands, RK4, observations, rewards and resets. Crazyflow: its physics step alone, ten in one
