@@ -8,10 +8,12 @@ import numpy as np
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, U, wide_vectors
-from quadsafe_core.kernels.vec3 import add, combined, norm
+from quadsafe_core.kernels.vec3 import add, combined, dot, norm
 from shields.backup.stored_stop import LENGTHS, dead_beat_snap
 from shields.chains.flat_state import flown
 
+# What is a rounding too much or too little is left to the arcs.
+LESS = 1.0 - 1e-12
 # The lanes behind the last length repeat it.
 IN_LANES = np.array([*LENGTHS, *[LENGTHS[-1]] * (LANES - len(LENGTHS))])
 
@@ -36,9 +38,10 @@ def whole_periods(length, period):
 
 @inline_kernel
 def keeps_band(x, snap, t, band):
-    """Whether the specific thrust is within the band a time t later."""
-    thrust = norm(add(combined(combined(x.a, t, x.j), 0.5 * t * t, snap), (0.0, 0.0, band.gravity)))
-    return (thrust >= band.least) & (thrust <= band.most)
+    """Whether the specific thrust is within the band a time t later, but for rounding: the arcs are looked at."""
+    thrust = add(combined(combined(x.a, t, x.j), 0.5 * t * t, snap), (0.0, 0.0, band.gravity))
+    square = dot(thrust, thrust)
+    return (square >= LESS * abs(band.least) * band.least) & (LESS * square <= band.most * band.most)
 
 
 @inline_kernel
@@ -46,8 +49,10 @@ def segment_keeps_limits(x, frame, h, limits):
     """Whether points of the first segment of a stop keep the limits, and the flat state where it ends."""
     snap, band = dead_beat_snap(x, frame, h), limits.band
     end = flown(x, snap, h)
-    keeps = keeps_band(x, snap, 0.25 * h, band) & keeps_band(x, snap, 0.5 * h, band)
-    keeps = keeps & keeps_band(x, snap, 0.75 * h, band) & keeps_band(end, snap, 0.0, band)
+    keeps = keeps_band(x, snap, 0.125 * h, band) & keeps_band(x, snap, 0.25 * h, band)
+    keeps = keeps & keeps_band(x, snap, 0.375 * h, band) & keeps_band(x, snap, 0.5 * h, band)
+    keeps = keeps & keeps_band(x, snap, 0.625 * h, band) & keeps_band(x, snap, 0.75 * h, band)
+    keeps = keeps & keeps_band(x, snap, 0.875 * h, band) & keeps_band(end, snap, 0.0, band)
     return keeps & (norm(snap) <= limits.stop_snap_max) & (norm(end.j) <= limits.jerk_max), end
 
 
