@@ -38,7 +38,7 @@ def whole_periods(length, period):
 
 @inline_kernel
 def keeps_band(x, snap, t, band):
-    """Whether the specific thrust is within the band a time t later, but for rounding: the arcs are looked at."""
+    """Whether the specific thrust is within the band a time t later, but for rounding."""
     thrust = add(combined(combined(x.a, t, x.j), 0.5 * t * t, snap), (0.0, 0.0, band.gravity))
     square = dot(thrust, thrust)
     return (square >= LESS * abs(band.least) * band.least) & (LESS * square <= band.most * band.most)
