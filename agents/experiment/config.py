@@ -14,7 +14,7 @@ from quadsafe_core.registration import IDS
 
 SEED_LIMIT = 2**32
 # By the names of Stable-Baselines3, and what is not the constructor's: n_envs, the rows flown at once, and
-# net_arch and log_std_init of the policy. What is not here has the default of Stable-Baselines3.
+# net_arch, log_std_init and activation_fn of the policy. What is not here has the default of Stable-Baselines3.
 HYPERPARAMS: dict[str, dict[str, Any]] = {
     "ppo": {
         "n_envs": 128,
@@ -65,8 +65,8 @@ class Experiment:
     algo: str = "ppo"
     """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …"""
     hyperparams: Annotated[Pairs, tyro.conf.arg(aliases=["-params"])] = field(default_factory=dict)
-    """Hyper-parameters by the names of Stable-Baselines3, and n_envs, net_arch, log_std_init, as n_envs:64
-    learning_rate:1e-3; over the defaults in agents/experiment/config.py."""
+    """Hyper-parameters by the names of Stable-Baselines3, and n_envs, net_arch, log_std_init, activation_fn, as
+    n_envs:64 activation_fn:ReLU; over the defaults in agents/experiment/config.py."""
     n_timesteps: Annotated[int, tyro.conf.arg(aliases=["-n"])] = 1_000_000
     """Policy steps of each training, over all rows."""
     seed: int = 0

@@ -27,7 +27,8 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     for name, value in vars(stable_baselines3).items()
     if isinstance(value, type) and issubclass(value, BaseAlgorithm)
 }
-POLICY_KEYS = ("net_arch", "log_std_init")
+POLICY_KEYS = ("net_arch", "log_std_init", "activation_fn")
+ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "Hardtanh", "Softsign")
 # What ``make_model`` gives by itself.
 GIVEN = ("policy", "env", "policy_kwargs", "seed", "device", "_init_setup_model")
 # Row i of a training with seed s starts with scene s * SCENES_PER_SEED + i: seeds share no scene.
@@ -54,6 +55,8 @@ def make_model(
     if settings.get("use_sde"):
         raise ValueError("hyperparams must not have use_sde: such a training could not be resumed exactly")
     policy = {name: settings.pop(name) for name in POLICY_KEYS if name in settings}
+    if "activation_fn" in policy:
+        policy["activation_fn"] = _activation(policy["activation_fn"])
     keywords: Any = {**settings, **over}
     try:
         model = algorithm("MlpPolicy", env, policy_kwargs=policy, seed=seed, device=device, **keywords)
@@ -119,6 +122,8 @@ def check_words(experiment: Experiment, options: Options) -> None:
     algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
     own = [name for name in signature(algorithm).parameters if name not in GIVEN]
     known_keywords(algorithm.__name__, experiment.hyperparams, ("n_envs", *POLICY_KEYS, *own))
+    if "activation_fn" in experiment.hyperparams:
+        _activation(experiment.hyperparams["activation_fn"])
     try:
         torch.empty(0, device=options.device)
     except (RuntimeError, AssertionError) as error:
@@ -128,3 +133,7 @@ def check_words(experiment: Experiment, options: Options) -> None:
         ) from error
     if options.tensorboard_log is not None and find_spec("tensorboard") is None:
         raise ValueError('tensorboard_log needs TensorBoard: pip install "quadsafe[tensorboard]"')
+
+
+def _activation(name: Any) -> type[torch.nn.Module]:
+    return getattr(torch.nn, one_of("activation_fn", name, ACTIVATIONS))
