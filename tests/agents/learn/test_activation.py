@@ -1,4 +1,4 @@
-"""The activation of the networks: named, kept in the file of the settings, and that of Stable-Baselines3 without one."""
+"""The activation of the networks: named, kept in the settings, and that of Stable-Baselines3 without one."""
 
 from typing import Any
 
