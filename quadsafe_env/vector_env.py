@@ -1,7 +1,7 @@
 """N quadrotors as a ``gymnasium.vector.VectorEnv``: the same world as the single env, row by row."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -79,8 +79,8 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy, "autoreset_mode": mode}
         self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)
         self.single_observation_space = self._world.observation_space
-        self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = _space_of_rows(self.single_action_space, self.num_envs)
+        self.observation_space = _space_of_rows(self.single_observation_space, self.num_envs)
         # Without a limit, no count of steps reaches it.
         limit = (
             np.inf if max_episode_steps is None else positive_integer("max_episode_steps", max_episode_steps)
@@ -219,3 +219,11 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
     def obstacles(self) -> Obstacles:
         """What there is as it stands now, packed in a copy; iterating gives a list of shapes for each row."""
         return copied(self._world.obstacles)
+
+
+def _space_of_rows(space: Box, n: int) -> Box:
+    """``batch_space`` with bounds that are one row's, seen n times: their copies took 240 bytes a row."""
+    rows, shape = cast(Box, batch_space(space, n)), (n, *(space.shape or ()))
+    for name in ("low", "high", "bounded_below", "bounded_above"):
+        setattr(rows, name, np.broadcast_to(getattr(space, name), shape))
+    return rows

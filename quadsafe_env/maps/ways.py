@@ -19,7 +19,8 @@ def ways_around(
     """The share of pairs that a way of free cells joins, and the length of a cell, m.
 
     A cell is free if a vehicle at its centre keeps its distance from every obstacle, as these stand at first;
-    cells that share a face are neighbours. A way that is narrower than a cell may be missed.
+    cells that share a face are neighbours. A narrower way may be missed, and what is thinner
+    than one, keep-out included, be passed through.
 
     Args:
         starts, goals: (M, 3), m, M >= 1.

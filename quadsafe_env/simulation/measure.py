@@ -53,24 +53,30 @@ def clipped(asked):
 
 
 @inline_kernel
-def command_rows(block, first, count, actions, scale, flies_anyway, rows):
-    """Open a policy step: actions clipped to [−1, 1] and scaled, rows whose action is not finite marked.
+def lane_command(block, i):
+    """The command of lane i as a tuple."""
+    return (*lane_triple(block, i + U(LANES * COMMAND)), block[i + U(LANES * (COMMAND + 3))])
 
-    A row with such an action is not stepped, unless it ``flies_anyway``, 1.0: a shield is there to answer it.
-    """
+
+@inline_kernel
+def load_actions(block, first, count, actions):
+    """The actions of rows first … first + count into the lines of commands, as they are."""
     for k in range(U(4)):
         for i in range(U(count)):
             block[U(LANES) * (U(COMMAND) + k) + i] = actions[U(first) + i, k]
+
+
+@inline_kernel
+def open_rows(block, first, count, flies_anyway, rows):
+    """Open a policy step under actions in the lines of commands; rows whose action is not finite are marked.
+
+    A row with such an action is not stepped, unless it ``flies_anyway``, 1.0: a shield is there to answer it.
+    """
     table, at = rows.table, U(first * LINES)
     for i in range(U(count)):
-        x, y, z = lane_triple(block, i + U(LANES * COMMAND))
-        w = block[i + U(LANES * (COMMAND + 3))]
+        x, y, z, w = lane_command(block, i)
         is_finite = (abs(x) < math.inf) & (abs(y) < math.inf) & (abs(z) < math.inf) & (abs(w) < math.inf)
         a, b, c, d = clipped(x), clipped(y), clipped(z), clipped(w)
-        moved = (scale[0] * a if is_finite else 0.0, scale[1] * b if is_finite else 0.0)
-        turned = (scale[2] * c if is_finite else 0.0, scale[3] * d if is_finite else 0.0)
-        store_triple(block, i + U(LANES * COMMAND), (moved[0], moved[1], turned[0]))
-        block[i + U(LANES * (COMMAND + 3))] = turned[1]
         table[at + U(LANES * EFFORT) + i] = a * a + b * b + c * c + d * d if is_finite else 0.0
         table[at + U(LANES * INVALID) + i] = 0.0 if is_finite else 1.0
         table[at + U(LANES * IS_FLYING) + i] = 1.0 if is_finite else flies_anyway
@@ -78,14 +84,19 @@ def command_rows(block, first, count, actions, scale, flies_anyway, rows):
         table[at + U(LANES * ARRIVES) + i] = 0.0
         table[at + U(LANES * CRASH) + i], table[at + U(LANES * SATURATED) + i] = 0.0, 0.0
         table[at + U(LANES * SPINNING) + i] = 0.0
-    for k in range(U(4 * LANES)):
-        rows.command[U(4 * first) + k] = block[U(LANES * COMMAND) + k]
 
 
 @inline_kernel
-def lane_command(block, i):
-    """The command of lane i as a tuple."""
-    return (*lane_triple(block, i + U(LANES * COMMAND)), block[i + U(LANES * (COMMAND + 3))])
+def command_lanes(block, count, scale):
+    """The actions in the lines of commands clipped to [−1, 1] and scaled; 0 for one that is not finite."""
+    for i in range(U(count)):
+        x, y, z, w = lane_command(block, i)
+        is_finite = (abs(x) < math.inf) & (abs(y) < math.inf) & (abs(z) < math.inf) & (abs(w) < math.inf)
+        a, b, c, d = clipped(x), clipped(y), clipped(z), clipped(w)
+        moved = (scale[0] * a if is_finite else 0.0, scale[1] * b if is_finite else 0.0)
+        turned = (scale[2] * c if is_finite else 0.0, scale[3] * d if is_finite else 0.0)
+        store_triple(block, i + U(LANES * COMMAND), (moved[0], moved[1], turned[0]))
+        block[i + U(LANES * (COMMAND + 3))] = turned[1]
 
 
 @inline_kernel
@@ -121,7 +132,7 @@ def measure_rows(law, numbers, opens, is_shielded, memory, actions):
     Args:
         law: (state, command, params, gains) → snap and yaw acceleration.
         numbers: a ``Plant``, raveled.
-        opens: whether it is the first period of a policy step: then the actions become commands.
+        opens: whether it is the first period of a policy step.
         is_shielded: whether rows fly though their action is not finite.
         memory: of the rows, see ``Rows``.
         actions: (N, 4), float32.
@@ -131,11 +142,10 @@ def measure_rows(law, numbers, opens, is_shielded, memory, actions):
     for first in range(0, actions.shape[0], LANES):
         count = min(LANES, actions.shape[0] - first)
         to_lanes(rows.state, I(STATE_SIZE), first, count, block, I(0))
+        load_actions(block, first, count, actions)
         if opens:
-            command_rows(block, first, count, actions, plant.scale, flies_anyway, rows)
-        else:
-            for k in range(U(4 * LANES)):
-                block[U(LANES * COMMAND) + k] = rows.command[U(4 * first) + k]
+            open_rows(block, first, count, flies_anyway, rows)
+        command_lanes(block, count, plant.scale)
         for i in range(U(count)):
             s, command = lane_state(block, i), lane_command(block, i)
             wish = law(s, command, plant.params, plant.gains)

@@ -30,7 +30,6 @@ COLUMNS = frozenset(
         "_snap",
         "_yaw_acceleration",
         "_table",
-        "_commands",
     ]
 )
 
@@ -44,7 +43,6 @@ class Rows(NamedTuple):
     | flat             | 4 × 3    | row by row   | r, ṙ, r̈, r⃛ for the filter, m, m/s, m/s², m/s³           |
     | snap             | 3        | row by row   | desired, for the filter, m/s⁴                            |
     | yaw_acceleration | 1        | row by row   | desired, rad/s²                                          |
-    | command          | 4        | in lanes     | SI, of the interface: ``quadsafe_env.vehicle.actions``   |
     | table            | 14       | in lanes     | the lines of ``quadsafe_env.simulation.block``           |
     | outcome          | 3        | line by line | reward, cost and clearance, m, of the last policy step   |
     | flags            | 8 bool   | line by line | of the last policy step, as in ``episode``               |
@@ -54,14 +52,13 @@ class Rows(NamedTuple):
     flat: NDArray[np.float64]
     snap: NDArray[np.float64]
     yaw_acceleration: NDArray[np.float64]
-    command: NDArray[np.float64]
     table: NDArray[np.float64]
     outcome: NDArray[np.float64]
     flags: NDArray[np.bool_]
 
 
 # float64 of a row in each column, and before it.
-NUMBERS: Any = Rows(STATE_SIZE, 12, 3, 1, 4, LINES, OUTCOMES, FLAGS // 8)  # type: ignore[arg-type]
+NUMBERS: Any = Rows(STATE_SIZE, 12, 3, 1, LINES, OUTCOMES, FLAGS // 8)  # type: ignore[arg-type]
 AT: Any = Rows(*accumulate(NUMBERS[:-1], initial=0))  # type: ignore[arg-type]
 SIZE = sum(NUMBERS)
 
@@ -73,8 +70,7 @@ def rows_of(memory):
         state=numbers[AT.state * m : AT.flat * m],
         flat=numbers[AT.flat * m : AT.snap * m],
         snap=numbers[AT.snap * m : AT.yaw_acceleration * m],
-        yaw_acceleration=numbers[AT.yaw_acceleration * m : AT.command * m],
-        command=numbers[AT.command * m : AT.table * m],
+        yaw_acceleration=numbers[AT.yaw_acceleration * m : AT.table * m],
         table=numbers[AT.table * m : AT.outcome * m],
         outcome=numbers[AT.outcome * m : AT.flags * m],
         flags=numbers[AT.flags * m : SIZE * m].view(np.bool_),

@@ -128,7 +128,7 @@ class World:
         self._yaw_acceleration = rows.yaw_acceleration[:n]
         self.outcomes = rows.outcome.reshape(OUTCOMES, -1)[:, :n]
         self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
-        self._table, self._commands = rows.table, rows.command
+        self._table = rows.table
         self.scenes = scenes_of(self._scene_memory)
         self.openings = openings_of(self._source.bodies, *self.scenes.radius.shape)
         self.obstacles = obstacles_among(self.scenes, self._source, self.params.radius)
@@ -180,7 +180,6 @@ class World:
             "seeds": self._seeds,
             "episodes": self._episodes,
             "table": self._table,
-            "commands": self._commands,
             **self.scenes._asdict(),
         }
 

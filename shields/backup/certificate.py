@@ -101,7 +101,7 @@ def look_at_stored_stop(plan, period, bodies):
     """Whether the stored stop, from the start of its segment, keeps clear of the bodies of now."""
     x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
     start, h = -elapsed(plan, period), plan["periods"] * period
-    for _ in range(plan["segments_left"]):
+    for _ in range(int(plan["segments_left"])):
         snap = dead_beat_snap(x, frame, h)
         found = max(found, look_at_arc(x, snap, start, h, bodies, ANY_THRUST))
         x, start = flown(x, snap, h), start + h
@@ -132,7 +132,7 @@ def adopt_stop(plan, x, start, period, bodies, limits):
     for k in range(-1, bodies.keep_out.shape[0]):
         frame = NOTHING if k < 0 else vector(bodies.velocity[k])
         if k < 0 or (frame != NOTHING and is_there(entry_at(bodies.cores, k), bodies.keep_out[k])):
-            choice = clear_length(x, start, frame, plan["choice"], period, bodies, limits)
+            choice = clear_length(x, start, frame, int(plan["choice"]), period, bodies, limits)
             if choice >= 0:
                 write_stop(plan, x, frame, choice, period)
                 return True
@@ -146,7 +146,7 @@ def accept_at_once(i, plan, x, snap, bodies, share, flight):
     # The jerk of a period is largest at one of its ends.
     if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
         return False
-    attempt, choice = Attempt(x, snap, flown(x, snap, period), period), plan["choice"]
+    attempt, choice = Attempt(x, snap, flown(x, snap, period), period), int(plan["choice"])
     if not is_clear_at_once(i, attempt, periods_of(choice, period) * period, bodies, share, limits):
         return False
     write_stop(plan, attempt.after, NOTHING, choice, period)
@@ -172,7 +172,7 @@ def accept(plan, x, snap, period, bodies, limits):
     if not norm(snap) <= limits.snap_max:
         return False
     after = flown(x, snap, period)
-    choice = length_clear_at_once(plan["choice"], Attempt(x, snap, after, period), bodies, limits)
+    choice = length_clear_at_once(int(plan["choice"]), Attempt(x, snap, after, period), bodies, limits)
     if choice >= 0:
         write_stop(plan, after, NOTHING, choice, period)
         return True

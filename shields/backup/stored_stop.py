@@ -20,14 +20,14 @@ NOTHING = (0.0, 0.0, 0.0)
 # The stored stop of one vehicle.
 PLAN = np.dtype(
     [
-        ("is_stored", "?"),
         ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
         ("snap", "f8", (3,)),  # held in it, m/s⁴
         ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
         ("periods", "i8"),  # of a segment
         ("periods_left", "i8"),  # of the segment that is flown
-        ("segments_left", "i8"),
-        ("choice", "i8"),  # number of the segment length in LENGTHS
+        ("segments_left", "i1"),
+        ("choice", "i1"),  # number of the segment length in LENGTHS
+        ("is_stored", "?"),
     ],
     align=True,
 )

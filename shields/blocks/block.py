@@ -29,10 +29,12 @@ import math
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block, store_triple, to_lanes
-from quadsafe_core.kernels.vec3 import triple
+from quadsafe_core.kernels.vec3 import triple, vector
 from shields.backup.stored_stop import NOTHING, periods_of
 from shields.chains.flat_state import Flat
+from shields.interface.row_checks import is_finite
 
+NO_SNAP = (math.nan, math.nan, math.nan)
 SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, CUT, FOUND, STOPS, SPHERES = (
     12,
     15,
@@ -89,16 +91,21 @@ def fill(block, first, count, measured, remembered, period):
     to_lanes(measured.flat.reshape(-1), 12, first, count, block, I(0))
     for i in range(count):
         row = first + i
-        for axis in range(3):
-            block[LANES * (SNAP + axis) + i] = measured.snap[row, axis]
-        block[LANES * LENGTH + i] = periods_of(remembered.plans[row]["choice"], period) * period
+        snap = vector(measured.snap[row])
+        # NaN for an infinity too: both only fail every test, and NaN does so without a warning where it is interpreted.
+        store_triple(block, U(LANES * SNAP + i), snap if is_finite(snap) else NO_SNAP)
+        block[LANES * LENGTH + i] = periods_of(int(remembered.plans[row]["choice"]), period) * period
         block[LANES * CALM + i], block[LANES * VALUE + i], block[LANES * STOPS + i] = 1.0, math.inf, 1.0
-    fill_spheres(block, first, count, measured.bodies, remembered.half_spaces)
+    fill_spheres(block, first, count, measured, remembered.half_spaces)
 
 
 @inline_kernel
-def fill_spheres(block, first, count, bodies, half_spaces):
-    """The spheres of rows first … first + count; where one moves the stop is not sure."""
+def fill_spheres(block, first, count, measured, half_spaces):
+    """The spheres of rows first … first + count; one that moves is left to ``sampled_row``, and the stop.
+
+    So is every sphere of a row whose desired snap is not finite: there another snap takes its place.
+    """
+    bodies = measured.bodies
     for k in range(bodies.radius.shape[1]):
         at = LANES * (SPHERES + PER_SPHERE * k)
         for i in range(count):
@@ -109,7 +116,7 @@ def fill_spheres(block, first, count, bodies, half_spaces):
             n = half_spaces[row, k]["n"]
             block[at + 4 * LANES + i], block[at + 5 * LANES + i], block[at + 6 * LANES + i] = n[0], n[1], n[2]
             is_still = triple(bodies.velocity, row, k) == NOTHING
-            block[at + 7 * LANES + i] = 1.0 if is_still else 0.0
+            block[at + 7 * LANES + i] = 1.0 if is_still and is_finite(vector(measured.snap[row])) else 0.0
             if not is_still:
                 block[LANES * STOPS + i] = 0.0
 

@@ -98,7 +98,7 @@ def look_at_block(block, count, spheres, settings):
 def store_stop(i, block, plan, period):
     """``write_stop`` of lane i."""
     plan["is_stored"], plan["segments_left"] = True, SEGMENTS
-    periods = periods_of(plan["choice"], period)
+    periods = periods_of(int(plan["choice"]), period)
     plan["periods"], plan["periods_left"] = periods, periods
     write3(plan["frame"], NOTHING)
     write_flat(plan["begin"], lane_flat(block, i + LANES * AFTER))

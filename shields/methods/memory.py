@@ -119,7 +119,7 @@ class TubeMemory(NamedTuple):
     | radii    | (N, K)    | radii with the tube, m                                                   |
     | before   | (M,)      | the stops before the last answers                                        |
     | pending  | (N, d, 3) | the answers that are on their way, m/s⁴                                  |
-    | chains   | (N,)      | how many of the last answers were certified, without a break             |
+    | chains   | (M,)      | how many of the last answers were certified, without a break             |
     """
 
     flats: NDArray[np.float64]
@@ -149,7 +149,7 @@ def tube_memory(memory, n, k, delay, looks_ahead):
     radii, memory = taken(memory, FLOATS, (n, k))
     before, memory = taken(memory, PLANS, (m,))
     pending, memory = taken(memory, FLOATS, (n, delay, 3))
-    chains, memory = taken(memory, FLOATS, (n,))
+    chains, memory = taken(memory, FLOATS, (m,))
     return TubeMemory(flats, centers, radii, before, pending, chains)
 
 
@@ -207,8 +207,8 @@ def sampled_size(n: int, k: int) -> int:
 def tube_size(n: int, k: int, delay: int, looks_ahead: bool) -> int:
     """Bytes of a ``TubeMemory``."""
     flat, center, radius, answer, chain = 12, 3, 1, 3, 1
-    ahead = PLAN.itemsize + (flat + k * center) * FLOATS.itemsize if looks_ahead else 0
-    return n * (ahead + (k * radius + delay * answer + chain) * FLOATS.itemsize)
+    ahead = PLAN.itemsize + (flat + k * center + chain) * FLOATS.itemsize if looks_ahead else 0
+    return n * (ahead + (k * radius + delay * answer) * FLOATS.itemsize)
 
 
 def empty_memory(n: int, k: int, size: int, delay: int = 0, looks_ahead: bool = False) -> NDArray[np.uint8]:

@@ -145,7 +145,8 @@ def withdraw(i, fact, is_here, chains):
     """No certificate where the vehicle is not where it has it; count those without a break."""
     if fact["certified"] != 0.0 and not is_here:
         fact["certified"], fact["fallback"] = 0.0, 1.0
-    chains[i] = chains[i] + 1.0 if fact["certified"] != 0.0 else 0.0
+    if chains.size > 0:
+        chains[i] = chains[i] + 1.0 if fact["certified"] != 0.0 else 0.0
 
 
 @kernel
@@ -241,9 +242,9 @@ class TubeMethod:
         held, tubes = self._parts()
         held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
         held.rows.plans[mask] = np.zeros((), dtype=PLAN)
+        tubes.pending[mask] = 0.0
         if self._ahead[1]:
-            tubes.before[mask] = np.zeros((), dtype=PLAN)
-        tubes.pending[mask], tubes.chains[mask] = 0.0, 0.0
+            tubes.before[mask], tubes.chains[mask] = np.zeros((), dtype=PLAN), 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Some rows fly other snaps than the last answer: their stops are void, what is on its way is not."""

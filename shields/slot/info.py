@@ -20,10 +20,10 @@ STEP = np.dtype(
         ("correction", "f8"),  # m/s⁴
         ("value", "f8"),  # m
         ("reserve", "f8"),  # in units of ū
-        ("obstacle", "i8"),
-        ("interventions", "i8"),  # control periods
-        ("fallbacks", "i8"),  # control periods
-        ("refusals", "i8"),  # control periods
+        ("obstacle", "i4"),
+        ("interventions", "i4"),  # control periods
+        ("fallbacks", "i4"),  # control periods
+        ("refusals", "i4"),  # control periods
         ("stopped", "?"),
         ("certified", "?"),
         ("intervened", "?"),
@@ -34,6 +34,8 @@ STEP = np.dtype(
     align=True,
 )
 KEYS = tuple(STEP.names or ())
+# As what each is told: numbers that are counted as Python counts.
+TOLD = MappingProxyType({key: np.int64 if STEP[key].kind == "i" else STEP[key].base for key in KEYS})
 MASKS = tuple(f"_{key}" for key in KEYS)
 FLAT_KEYS = MappingProxyType({key: f"shield/{key}" for key in KEYS})
 FLAT_NAMES = MappingProxyType({**FLAT_KEYS, **{mask: f"_shield/{mask[1:]}" for mask in MASKS}})

@@ -13,8 +13,8 @@ from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
-from shields.slot.info import KEYS, MASKS, STEP
-from shields.slot.surprise import SENTENCE, WATCH, expectation_of, watch_row
+from shields.slot.info import KEYS, MASKS, STEP, TOLD
+from shields.slot.surprise import SENTENCE, SHARED, WATCH, expectation_of, watch_row
 
 Floats = NDArray[np.float64]
 
@@ -87,25 +87,25 @@ def count_row(i, desired, answers, step):
 
 
 @kernel
-def count_batch(flat, desired, answer, is_first, steps, watches, line):
+def count_batch(flat, desired, answer, steps, watches, line, shared):
     """Add one control period to every row; a row that was surprised, or −1.
 
     Args:
         flat: (N, 4, 3) what was measured, SI.
         desired: (N, 3) desired snaps, m/s⁴.
         answer: the numbers of a ``Filtered``.
-        is_first: whether the policy step begins.
         steps: (N,) ``STEP``.
         watches: (N,) ``WATCH``.
         line: (N, d + 1, 3) answers that are on their way, see ``watch_row``.
+        shared: (1,) ``SHARED``.
     """
-    if is_first:
+    if shared[0]["is_first"]:
         open_batch(steps)
     n, surprised = steps.shape[0], -1
     answers = answers_in(answer, n)
     for i in range(n):
         count_row(i, desired, answers, steps[i])
-        if watch_row(i, flat, answers.safe, watches[i], line):
+        if watch_row(i, flat, answers.safe, watches[i], line, shared[0]):
             steps[i]["surprised"], surprised = True, i
     return surprised
 
@@ -143,7 +143,7 @@ class Recorder:
         self._is_named = np.zeros(rows, dtype=np.bool_)
         self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
         self._line, self._was_surprised = np.zeros((rows, shield.delay + 1, 3)), False
-        self._period = np.nan
+        self._shared, self._period = np.zeros(1, dtype=SHARED), np.nan
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -157,13 +157,14 @@ class Recorder:
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, obstacles, snap, period)
         if period != self._period:
-            self._watches["most"], self._watches["period"] = (
+            self._shared["most"], self._shared["period"] = (
                 expectation_of(self.shield.settings, period),
                 period,
             )
             self._period = period
-        is_first = self._periods == 0
-        surprised = count_batch(flat, snap, answer.numbers, is_first, self._steps, self._watches, self._line)
+        self._shared["is_first"] = self._periods == 0
+        kept = self._steps, self._watches, self._line, self._shared
+        surprised = count_batch(flat, snap, answer.numbers, *kept)
         if surprised >= 0 and not self._was_surprised:
             self._say_surprise(surprised)
         self._periods += 1
@@ -171,7 +172,7 @@ class Recorder:
 
     def _say_surprise(self, row: int) -> None:
         self._was_surprised = True
-        off, most = (np.array2string(self._watches[name][row], precision=3) for name in ("off", "most"))
+        off, most = (np.array2string(self._shared[name][0], precision=3) for name in ("off", "most"))
         warnings.warn(SENTENCE.format(row=row, off=off, declared=most), RuntimeWarning, stacklevel=3)
 
     def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
@@ -203,7 +204,7 @@ class Recorder:
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
-        self._is_named[rows], self._watches["known"][rows], self._line[rows] = False, 0, 0.0
+        self._is_named[rows], self._watches["is_known"][rows], self._line[rows] = False, False, 0.0
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun
@@ -217,7 +218,7 @@ class Recorder:
     def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
         self._open_where_nothing_flew()
-        return self._steps["intervened"].copy(), self._steps["obstacle"].copy()
+        return self._steps["intervened"].copy(), self._steps["obstacle"].astype(TOLD["obstacle"])
 
     @property
     def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
@@ -239,7 +240,7 @@ class Recorder:
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
         self._open_where_nothing_flew()
-        return {key: self._steps[key].copy() for key in KEYS} | dict.fromkeys(MASKS, mask)
+        return {key: self._steps[key].astype(TOLD[key]) for key in KEYS} | dict.fromkeys(MASKS, mask)
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""

@@ -35,16 +35,24 @@ SENTENCE = (
 WATCH = np.dtype(
     [
         ("last", "f8", (4, 3)),  # flat state of the last sample, SI
-        ("off", "f8", (4,)),  # how far the last sample was off in r, v, a, j, SI
-        ("most", "f8", (4,)),  # how far it may be, SI
+        ("is_known", "?"),  # whether there was one since the row was reset
+    ],
+    align=True,
+)
+# What is the same of all rows in a control period.
+SHARED = np.dtype(
+    [
+        ("most", "f8", (4,)),  # how far a sample may be off in r, v, a, j, SI
+        ("off", "f8", (4,)),  # how far the row was that was surprised last, SI
         ("period", "f8"),  # s
-        ("known", "i8"),  # samples since the row was reset
-    ]
+        ("is_first", "?"),  # whether a policy step begins
+    ],
+    align=True,
 )
 
 
 @inline_kernel
-def watch_row(i, flat, answer, watch, line):
+def watch_row(i, flat, answer, watch, line, shared):
     """Compare row i with its prediction, remember it; whether it was off by more than it may be.
 
     Args:
@@ -53,26 +61,34 @@ def watch_row(i, flat, answer, watch, line):
         answer: (N, 3) snaps, m/s⁴, that are sent on their way.
         watch: ``WATCH`` of the row.
         line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now.
+        shared: ``SHARED``.
     """
     x, is_off = flat_of_row(i, flat), False
-    last, off, most = watch["last"], watch["off"], watch["most"]
-    if watch["known"] > 0:
+    last, most, told = watch["last"], shared["most"], shared["off"]
+    if watch["is_known"]:
         was = Flat(
             (last[0, 0], last[0, 1], last[0, 2]),
             (last[1, 0], last[1, 1], last[1, 2]),
             (last[2, 0], last[2, 1], last[2, 2]),
             (last[3, 0], last[3, 1], last[3, 2]),
         )
-        p = flown(was, triple(line, i, 0), watch["period"])
+        p = flown(was, triple(line, i, 0), shared["period"])
+        off = (
+            norm(subtract(x.r, p.r)),
+            norm(subtract(x.v, p.v)),
+            norm(subtract(x.a, p.a)),
+            norm(subtract(x.j, p.j)),
+        )
         for order in range(4):
-            off[order] = norm(subtract(x[order], p[order]))
             is_off |= not off[order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
+        if is_off:
+            told[0], told[1], told[2], told[3] = off
     for order in range(4):
         last[order, 0], last[order, 1], last[order, 2] = x[order]
     for place in range(line.shape[1] - 1):
         write3(line[i, place], triple(line, i, place + 1))
     write3(line[i, line.shape[1] - 1], vector(answer[i]))
-    watch["known"] += 1
+    watch["is_known"] = True
     return is_off
 
 

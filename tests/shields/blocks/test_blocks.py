@@ -31,7 +31,7 @@ def worlds(rng, n, k):
     flat[::7, 1:] = 0.0
     center[3::11, :1] = flat[3::11, :1]
     snap = rng.normal(size=(n, 3)) * rng.choice([0.0, 30.0, 400.0], (n, 1))
-    snap[5::13, 1] = np.nan
+    snap[5::13, 1], snap[2::9, 2], snap[7::10, 0] = np.nan, np.inf, -np.inf
     return flat, center, radius, snap
 
 
