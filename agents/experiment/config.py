@@ -32,6 +32,8 @@ HYPERPARAMS: dict[str, dict[str, Any]] = {
     "sac": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
     "td3": {"n_envs": 32, "batch_size": 512, "learning_rate": 1e-3, "gradient_steps": 8, "net_arch": [64, 64]},
 }
+# The same algorithm by sbx-rl.
+HYPERPARAMS["sbx:PPO"] = HYPERPARAMS["ppo"]
 # Over those of the algorithm. A flight through openings is paid for at every step, and ends at the goal: after
 # 450,000 steps in rooms nine of ten episodes ended there with 0.97, and two of ten with 0.99.
 NEAR_SIGHTED = {"gamma": 0.97}
@@ -62,8 +64,8 @@ class Experiment:
     """Settings of the shield, as alpha:4.0 snap_max:80.0."""
     arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(OF_RUNS)}}} ...")] = ("none", "shield")
     """What to compare, see agents/experiment/arms.py."""
-    algo: str = "ppo"
-    """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …"""
+    algo: Annotated[str, tyro.conf.arg(aliases=["--algorithm"])] = "ppo"
+    """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …; or sbx:PPO, that of sbx-rl."""
     hyperparams: Annotated[Pairs, tyro.conf.arg(aliases=["-params"])] = field(default_factory=dict)
     """Hyper-parameters by the names of Stable-Baselines3, and n_envs, net_arch, log_std_init, activation_fn, as
     n_envs:64 activation_fn:ReLU; over the defaults in agents/experiment/config.py."""
