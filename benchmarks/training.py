@@ -3,7 +3,8 @@
 Three trainings run in turns: the env shielded, unshielded, and one that costs nothing, with the same spaces.
 The ratios say how much of that last one's pace is left; each is the median over the turns. Then the default
 shielded training of each seed, until 95 % of its last 200 episodes and of the flights of its policy on held-out
-scenes are successes.
+scenes are successes. ``--algorithm`` and ``--hyperparams`` are those of ``train.py``, as
+``--algorithm sbx:PPO --hyperparams n_epochs:10``.
 """
 
 import argparse
@@ -21,6 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.experiment.config import Experiment
 from agents.experiment.environments import checked, make_training_env, make_vector_env
+from agents.experiment.pairs import pairs_from
 from agents.learn.algorithms import make_model
 from agents.learn.episodes import EPISODE
 from agents.learn.sb3_vec import Sb3VectorEnv
@@ -153,10 +155,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--updates", type=int, default=5, help="updates of a turn")
     parser.add_argument("--repeats", type=int, default=9, help="turns")
     parser.add_argument("--seeds", type=int, default=3, help="trainings to 95 %% success")
-    words, experiment = parser.parse_args(arguments), checked(Experiment())
+    parser.add_argument("--first-seed", type=int, default=0, help="the first of them")
+    parser.add_argument("--algorithm", default=Experiment.algo, help="that learns")
+    parser.add_argument("--hyperparams", nargs="*", default=[], help="over the defaults, as n_epochs:10")
+    words = parser.parse_args(arguments)
+    experiment = checked(Experiment(algo=words.algorithm, hyperparams=pairs_from(words.hyperparams)))
     torch.set_num_threads(1)
     throughput(experiment, words.updates, words.repeats)
-    found = [until_good(experiment, seed) for seed in range(words.seeds)]
+    found = [until_good(experiment, words.first_seed + i) for i in range(words.seeds)]
     if found:
         seconds, steps = (statistics.median(values) for values in zip(*found, strict=True))
         print(f"median: {seconds:.1f} s, {steps:,.0f} steps")

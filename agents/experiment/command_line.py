@@ -15,9 +15,9 @@ from agents.experiment.pairs import Pairs
 from quadsafe_core.nearest_word import did_you_mean
 from quadsafe_core.registration import IDS
 
-# Those of quadsafe_env.vehicle.actions and of Stable-Baselines3, which are too slow to ask for a word.
+# Those of quadsafe_env.vehicle.actions and of agents.learn.algorithms, which are too slow to ask for a word.
 ACTIONS = ("velocity", "snap", "wrench", "rates", "attitude")
-ALGORITHM_NAMES = ("a2c", "ddpg", "dqn", "ppo", "sac", "td3")
+ALGORITHM_NAMES = ("a2c", "ddpg", "dqn", "ppo", "sac", "td3", "sbx:PPO")
 
 
 @dataclass(frozen=True)

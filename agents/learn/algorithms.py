@@ -3,6 +3,7 @@
 import io
 import pickle
 import warnings
+from dataclasses import replace
 from importlib.util import find_spec
 from inspect import signature
 from pathlib import Path
@@ -27,11 +28,28 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {
     for name, value in vars(stable_baselines3).items()
     if isinstance(value, type) and issubclass(value, BaseAlgorithm)
 }
-POLICY_KEYS = ("net_arch", "log_std_init")
+SBX_PPO = "sbx:PPO"  # needs sbx-rl, and only where something is trained with it
+POLICY_KEYS = ("net_arch", "log_std_init", "activation_fn")
+ACTIVATIONS = ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "Hardtanh", "Softsign")
 # What ``make_model`` gives by itself.
 GIVEN = ("policy", "env", "policy_kwargs", "seed", "device", "_init_setup_model")
 # Row i of a training with seed s starts with scene s * SCENES_PER_SEED + i: seeds share no scene.
 SCENES_PER_SEED = 2**20
+
+
+def algorithm_of(name: str) -> type[BaseAlgorithm]:
+    """The class that a name of ``--algo`` stands for.
+
+    Raises:
+        ValueError: for a name that there is not, or whose package is not installed.
+    """
+    if one_of("algo", name, (*ALGORITHMS, SBX_PPO)) != SBX_PPO:
+        return ALGORITHMS[name]
+    if find_spec("sbx") is None:
+        raise ValueError(f'algo {SBX_PPO} needs sbx-rl: pip install "quadsafe[sbx]"')
+    from agents.learn.sbx_ppo import SbxPPO
+
+    return SbxPPO
 
 
 def make_model(
@@ -49,11 +67,13 @@ def make_model(
     Raises:
         ValueError, TypeError: naming what does not fit.
     """
-    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    algorithm = algorithm_of(experiment.algo)
     settings = {name: value for name, value in experiment.hyperparams.items() if name != "n_envs"}
     if settings.get("use_sde"):
         raise ValueError("hyperparams must not have use_sde: such a training could not be resumed exactly")
     policy = {name: settings.pop(name) for name in POLICY_KEYS if name in settings}
+    if "activation_fn" in policy:
+        policy["activation_fn"] = _activation(policy["activation_fn"])
     keywords: Any = {**settings, **over}
     try:
         model = algorithm("MlpPolicy", env, policy_kwargs=policy, seed=seed, device=device, **keywords)
@@ -100,8 +120,11 @@ def read_policy(path: Path, experiment: Experiment) -> BasePolicy:
 
 def new_policy(experiment: Experiment) -> BasePolicy:
     """A policy as the experiment trains it, on the CPU."""
+    if experiment.algo == SBX_PPO:
+        # Of the same shape, and without JAX.
+        experiment = replace(experiment, algo="ppo")
     env = Sb3VectorEnv(make_vector_env(experiment, 1, is_shielded=False))
-    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    algorithm = algorithm_of(experiment.algo)
     # Nothing is replayed.
     over: dict[str, Any] = {"buffer_size": 1} if issubclass(algorithm, OffPolicyAlgorithm) else {}
     with warnings.catch_warnings():
@@ -116,9 +139,11 @@ def check_words(experiment: Experiment, options: Options) -> None:
     Raises:
         ValueError, TypeError: naming it.
     """
-    algorithm = ALGORITHMS[one_of("algo", experiment.algo, tuple(ALGORITHMS))]
+    algorithm = algorithm_of(experiment.algo)
     own = [name for name in signature(algorithm).parameters if name not in GIVEN]
     known_keywords(algorithm.__name__, experiment.hyperparams, ("n_envs", *POLICY_KEYS, *own))
+    if "activation_fn" in experiment.hyperparams:
+        _activation(experiment.hyperparams["activation_fn"])
     try:
         torch.empty(0, device=options.device)
     except (RuntimeError, AssertionError) as error:
@@ -128,3 +153,7 @@ def check_words(experiment: Experiment, options: Options) -> None:
         ) from error
     if options.tensorboard_log is not None and find_spec("tensorboard") is None:
         raise ValueError('tensorboard_log needs TensorBoard: pip install "quadsafe[tensorboard]"')
+
+
+def _activation(name: Any) -> type[torch.nn.Module]:
+    return getattr(torch.nn, one_of("activation_fn", name, ACTIVATIONS))

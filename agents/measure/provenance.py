@@ -12,6 +12,7 @@ from agents.experiment.environments import make_vector_env
 from agents.measure.evaluate import held_out_scenes
 
 PACKAGES = ("quadsafe", "gymnasium", "stable-baselines3", "torch", "numpy", "scipy", "numba")
+OF_ALGORITHMS = {"sbx:PPO": ("sbx-rl", "jax")}
 
 
 def provenance(experiment: Experiment, scenes: list[int] | None = None) -> dict[str, Any]:
@@ -26,7 +27,7 @@ def provenance(experiment: Experiment, scenes: list[int] | None = None) -> dict[
         "python": platform.python_version(),
         "platform": platform.platform(),
         "git_revision": git_revision(),
-        **{name: version(name) for name in PACKAGES},
+        **{name: version(name) for name in (*PACKAGES, *OF_ALGORITHMS.get(experiment.algo, ()))},
         "seeds": list(experiment.seeds),
         "held_out": {"first": scenes[0], "count": len(scenes), "sha256": scene_hash(experiment, scenes)},
     }

@@ -230,7 +230,7 @@ def root_between(p, low, high, sign_low, sign_high):
 @kernel
 def _crossing(p, side, low, high, sign_high):
     """The t in (low, high) at which ``p(side t)`` takes the sign it has at high: Newton in a bracket."""
-    t, step = _middle(low, high), high - low
+    t, step = middle(low, high), high - low
     for _ in range(200):
         value, slope, size = evaluate(p, side * t)
         if abs(value) <= 0.5 * ROUNDING * size <= LARGEST:
@@ -241,7 +241,7 @@ def _crossing(p, side, low, high, sign_high):
             low = t
         newton = t - side * value / slope if slope != 0.0 else math.inf
         if not (low < newton < high and abs(newton - t) < 0.5 * step):
-            newton = _middle(low, high)
+            newton = middle(low, high)
         step = abs(newton - t)
         if step <= 1e-16 * t:
             break
@@ -250,7 +250,7 @@ def _crossing(p, side, low, high, sign_high):
 
 
 @inline_kernel
-def _middle(low, high):
+def middle(low, high):
     """Middle of a positive bracket: of the exponents while they differ, then of the values."""
     if low < 0.25 * high:
         return math.sqrt(max(low, 1e-300 * high, 1e-307)) * math.sqrt(high)

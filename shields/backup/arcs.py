@@ -14,8 +14,8 @@ from shields.chains.flat_state import Flat, flown  # noqa: F401 - Flat was impor
 from shields.interface.bodies import ROUNDS, core_stays_away, distance_from, facing, is_there, raised
 from shields.interface.records import ThrustBand  # noqa: F401 - it was imported from here before
 
-# An arc is tested in one piece, then in 2, 4, … pieces, no more than this and none shorter, s, than that: the
-# hull of the control points is then within a millimetre of the path.
+# A piece that may not be clear is halved until it is one of so many of its arc, or shorter, s, than twice that:
+# the hull of the control points is then within a millimetre of the path.
 MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
 # What a look at an arc finds.
@@ -113,37 +113,43 @@ def thrust_leaves(acceleration, band):
 
 
 @kernel
-def look_at_pieces(x, snap, start, d, pieces, bodies, band):
-    """Whether the pieces of length d of the arc keep clear of the bodies and to the band.
+def look_at_piece(x, snap, start, d, piece, bodies, band):
+    """Whether a piece of the arc, of length d, keeps clear of the bodies and to the band.
 
-    ``CLEAR``; ``HIT`` if the end of a piece, a point of the arc itself, does not; else ``UNSURE``.
+    ``CLEAR``; ``HIT`` if its end, a point of the arc itself, does not; else ``UNSURE``.
     """
-    for piece in range(pieces):
-        y = flown(x, snap, piece * d)
-        accelerations = acceleration_points(y, snap, d)
-        if not piece_keeps_thrust(accelerations, band):
-            return HIT if thrust_leaves(accelerations[2], band) else UNSURE
-        points = position_points(y, snap, d)
-        for k in range(bodies.keep_out.shape[0]):
-            core, keep_out = entry_at(bodies.cores, k), bodies.keep_out[k]
-            if is_there(core, keep_out):
-                velocity = vector(bodies.velocity[k])
-                center = combined(vector(bodies.center[k]), start + piece * d, velocity)
-                drift = scale(d, velocity)
-                if not piece_clears(core, points, center, drift, keep_out):
-                    gap = distance_from(core, subtract(points[4], add(center, drift)))
-                    return HIT if gap < keep_out else UNSURE
+    y = flown(x, snap, piece * d)
+    accelerations = acceleration_points(y, snap, d)
+    if not piece_keeps_thrust(accelerations, band):
+        return HIT if thrust_leaves(accelerations[2], band) else UNSURE
+    points = position_points(y, snap, d)
+    for k in range(bodies.keep_out.shape[0]):
+        core, keep_out = entry_at(bodies.cores, k), bodies.keep_out[k]
+        if is_there(core, keep_out):
+            velocity = vector(bodies.velocity[k])
+            center = combined(vector(bodies.center[k]), start + piece * d, velocity)
+            drift = scale(d, velocity)
+            if not piece_clears(core, points, center, drift, keep_out):
+                gap = distance_from(core, subtract(points[4], add(center, drift)))
+                return HIT if gap < keep_out else UNSURE
     return CLEAR
 
 
 @kernel
 def look_at_arc(x, snap, start, duration, bodies, band):
-    """The same for the snap held from ``start`` for ``duration``: whole, or in ever shorter pieces."""
-    pieces, found = 1, look_at_pieces(x, snap, start, duration, 1, bodies, band)
-    while found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
-        pieces *= 2
-        found = look_at_pieces(x, snap, start, duration / pieces, pieces, bodies, band)
-    return found
+    """The same for the snap held from ``start`` for ``duration``, in pieces as short as they must be."""
+    piece, pieces = 0, 1
+    while piece < pieces:
+        found = look_at_piece(x, snap, start, duration / pieces, piece, bodies, band)
+        if found == CLEAR:
+            piece += 1
+            while pieces > 1 and piece % 2 == 0:
+                piece, pieces = piece // 2, pieces // 2
+        elif found == UNSURE and duration >= 2 * pieces * SHORTEST_PIECE and pieces < MOST_PIECES:
+            piece, pieces = 2 * piece, 2 * pieces
+        else:
+            return found
+    return CLEAR
 
 
 @kernel

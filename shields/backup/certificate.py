@@ -18,8 +18,9 @@ from typing import NamedTuple
 from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
-from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear, thrust_leaves
-from shields.backup.stop_hull import Attempt, is_clear_at_once
+from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
+from shields.backup.lengths import has_length, lengths_ahead, stop_keeps_limits, without_length
+from shields.backup.stop_hull import Attempt, bodies_are_clear, is_clear_at_once, lengths_at_once, scaled
 from shields.backup.stored_stop import (
     LENGTHS,
     NOTHING,
@@ -55,26 +56,11 @@ class Distances(NamedTuple):
 
 
 @kernel
-def stop_may_be_clear(x, start, frame, h, bodies, limits):
-    """Whether points of a stop from x, and its rest, keep every limit: needed, and quick."""
-    for _ in range(SEGMENTS):
-        snap = dead_beat_snap(x, frame, h)
-        if not norm(snap) <= limits.stop_snap_max:
-            return False
-        middle = combined(combined(x.a, h / 2, x.j), h * h / 8, snap)
-        x = flown(x, snap, h)
-        if not norm(x.j) <= limits.jerk_max:
-            return False
-        if thrust_leaves(middle, limits.band) or thrust_leaves(x.a, limits.band):
-            return False
-    return rest_is_clear(Flat(x.r, frame, x.a, x.j), start + SEGMENTS * h, bodies)
-
-
-@kernel
 def stop_is_clear(x, start, frame, h, bodies, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
-    # Most stops that are refused are refused here, before their arcs are cut into pieces.
-    if not stop_may_be_clear(x, start, frame, h, bodies, limits):
+    keeps, end = stop_keeps_limits(x, frame, h, limits)
+    # Before its arcs are cut into pieces.
+    if not keeps or not rest_is_clear(Flat(end.r, frame, end.a, end.j), start + SEGMENTS * h, bodies):
         return False
     for segment in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
@@ -87,12 +73,13 @@ def stop_is_clear(x, start, frame, h, bodies, limits):
 @kernel
 def clear_length(x, start, frame, first, period, bodies, limits):
     """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
-    if stop_is_clear(x, start, frame, periods_of(first, period) * period, bodies, limits):
-        return first
-    for choice in range(len(LENGTHS)):
-        h = periods_of(choice, period) * period
-        if choice != first and stop_is_clear(x, start, frame, h, bodies, limits):
-            return choice
+    left = lengths_ahead(x, frame, period, limits)
+    for turn in range(1 + len(LENGTHS)):
+        choice = first if turn == 0 else turn - 1
+        if has_length(left, choice):
+            if stop_is_clear(x, start, frame, periods_of(choice, period) * period, bodies, limits):
+                return choice
+            left = without_length(left, choice)
     return -1
 
 
@@ -123,20 +110,35 @@ def standing(plan, x, period, distances, limits, gains):
     return UNCERTIFIED if look_at_stored_stop(plan, period, distances.bare) == HIT else ASTRAY
 
 
+@inline_kernel
+def frame_of(k, bodies):
+    """The velocity of body k; of the world for −1."""
+    return NOTHING if k < 0 else vector(bodies.velocity[k])
+
+
 @kernel
-def adopt_stop(plan, x, start, period, bodies, limits):
-    """Store a stop that begins at x and keeps every limit; False, and nothing stored, if none is found.
+def found_stop(first, x, start, period, bodies, limits):
+    """The frame and the number of the segment length of a stop from x that keeps every limit; −1 if none does.
 
     It ends at rest in the world, or else in the frame of one of the moving bodies.
     """
     for k in range(-1, bodies.keep_out.shape[0]):
-        frame = NOTHING if k < 0 else vector(bodies.velocity[k])
+        frame = frame_of(k, bodies)
         if k < 0 or (frame != NOTHING and is_there(entry_at(bodies.cores, k), bodies.keep_out[k])):
-            choice = clear_length(x, start, frame, int(plan["choice"]), period, bodies, limits)
+            choice = clear_length(x, start, frame, first, period, bodies, limits)
             if choice >= 0:
-                write_stop(plan, x, frame, choice, period)
-                return True
-    return False
+                return k, choice
+    return -1, -1
+
+
+@kernel
+def adopt_stop(plan, x, period, bodies, limits):
+    """Store a stop that begins now, at x, and keeps every limit; False, and nothing stored, without one."""
+    k, choice = found_stop(int(plan["choice"]), x, 0.0, period, bodies, limits)
+    if choice < 0:
+        return False
+    write_stop(plan, x, frame_of(k, bodies), choice, period)
+    return True
 
 
 @inline_kernel
@@ -156,13 +158,15 @@ def accept_at_once(i, plan, x, snap, bodies, share, flight):
 @kernel
 def length_clear_at_once(first, attempt, bodies, limits):
     """``clear_length`` by the quick test, for the period and the stop after it; −1 if it tells of none."""
-    rows, period = as_one_row(bodies), attempt.period
-    if is_clear_at_once(0, attempt, periods_of(first, period) * period, rows, 0.0, limits):
-        return first
-    for choice in range(len(LENGTHS)):
-        h = periods_of(choice, period) * period
-        if choice != first and is_clear_at_once(0, attempt, h, rows, 0.0, limits):
-            return choice
+    left, rows, period = lengths_at_once(attempt, limits), as_one_row(bodies), attempt.period
+    for turn in range(1 + len(LENGTHS)):
+        choice = first if turn == 0 else turn - 1
+        if has_length(left, choice):
+            if bodies_are_clear(
+                0, attempt, scaled(attempt.after, periods_of(choice, period) * period), rows, 0.0
+            ):
+                return choice
+            left = without_length(left, choice)
     return -1
 
 
@@ -171,14 +175,17 @@ def accept(plan, x, snap, period, bodies, limits):
     """Whether the snap may be flown for a period: the period keeps every limit, and so does a stop after it."""
     if not norm(snap) <= limits.snap_max:
         return False
-    after = flown(x, snap, period)
-    choice = length_clear_at_once(int(plan["choice"]), Attempt(x, snap, after, period), bodies, limits)
-    if choice >= 0:
-        write_stop(plan, after, NOTHING, choice, period)
-        return True
-    if not arc_is_clear(x, snap, 0.0, period, bodies, limits.band):
-        return False
-    return norm(after.j) <= limits.jerk_max and adopt_stop(plan, after, period, period, bodies, limits)
+    after, first = flown(x, snap, period), int(plan["choice"])
+    frame, choice = -1, length_clear_at_once(first, Attempt(x, snap, after, period), bodies, limits)
+    if choice < 0:
+        if not norm(after.j) <= limits.jerk_max:
+            return False
+        # Where there is no stop, as mostly, nobody has to look at the period.
+        frame, choice = found_stop(first, after, period, period, bodies, limits)
+        if choice < 0 or not arc_is_clear(x, snap, 0.0, period, bodies, limits.band):
+            return False
+    write_stop(plan, after, frame_of(frame, bodies), choice, period)
+    return True
 
 
 @kernel
@@ -195,7 +202,7 @@ def certified_snap(plan, x, wanted, is_wanted, distances, flight):
     if begins_within and is_wanted and accept(plan, x, wanted, period, distances.ahead, limits):
         return wanted, ACCEPTED
     kind = standing(plan, x, period, distances, limits, gains)
-    if kind != STOPPED and begins_within and adopt_stop(plan, x, 0.0, period, distances.ahead, limits):
+    if kind != STOPPED and begins_within and adopt_stop(plan, x, period, distances.ahead, limits):
         kind = STOPPED
     if kind == UNCERTIFIED:
         plan["is_stored"] = False

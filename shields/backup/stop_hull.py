@@ -14,9 +14,11 @@ import numpy as np
 
 from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.lanes import LANES, U, wide_vectors
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
 from quadsafe_core.shapes.distance import nearest_point
 from shields.backup.arcs import nearest_on_chord
+from shields.backup.lengths import IN_LANES, whole_periods
 from shields.backup.stored_stop import SEGMENTS
 from shields.chains.flat_state import Flat
 from shields.interface.bodies import ROUNDS, core_stays_away, facing, is_there, raised, widened
@@ -168,7 +170,7 @@ def one_plane_does(core, keep, way, drift, attempt, stop):
     return does
 
 
-@inline_kernel
+@kernel
 def bodies_are_clear(i, attempt, stop, bodies, share):
     """Whether one plane for each body of row i keeps period and stop away, with a share of the margin."""
     radius = bodies.radius
@@ -238,3 +240,15 @@ def is_clear_at_once(i, attempt, h, bodies, share, limits):
         and keeps_thrust(attempt, stop, limits.band)
         and bodies_are_clear(i, attempt, stop, bodies, share)
     )
+
+
+@kernel
+def lengths_at_once(attempt, limits):
+    """Lengths with which ``is_clear_at_once`` depends on bodies alone."""
+    wide_vectors()
+    lengths = U(0)
+    for i in range(U(LANES)):
+        stop = scaled(attempt.after, whole_periods(IN_LANES[i], attempt.period))
+        keeps = keeps_snap_and_jerk(attempt.after, stop, limits) & keeps_thrust(attempt, stop, limits.band)
+        lengths |= U(keeps) << i
+    return lengths

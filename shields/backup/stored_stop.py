@@ -53,6 +53,12 @@ def periods_of(choice, period):
     return max(1, round(LENGTHS[choice] / period))
 
 
+@inline_kernel
+def length_of(plan, period):
+    """Length of a segment of the next stop that is tried, s."""
+    return periods_of(int(plan["choice"]), period) * period
+
+
 @kernel
 def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""

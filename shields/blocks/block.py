@@ -92,7 +92,7 @@ def fill(block, first, count, measured, remembered, period):
     for i in range(count):
         row = first + i
         snap = vector(measured.snap[row])
-        # NaN for an infinity too: both only fail every test, and NaN does so without a warning where it is interpreted.
+        # NaN for an infinity too: both fail every test, NaN without a warning where it is interpreted.
         store_triple(block, U(LANES * SNAP + i), snap if is_finite(snap) else NO_SNAP)
         block[LANES * LENGTH + i] = periods_of(int(remembered.plans[row]["choice"]), period) * period
         block[LANES * CALM + i], block[LANES * VALUE + i], block[LANES * STOPS + i] = 1.0, math.inf, 1.0
@@ -132,23 +132,16 @@ def copy_lines(block, source, target, lines):
 
 
 @inline_kernel
-def find_nothing(block, count, spheres):
-    """Leave all to ``sampled_row``."""
-    for i in range(count):
-        block[LANES * CALM + i], block[LANES * STOPS + i] = 0.0, 0.0
-        for k in range(spheres):
-            block[LANES * (SPHERES + PER_SPHERE * k + FIRST) + i] = 0.0
-
-
-@inline_kernel
 def is_taken(found, k, half_space, fact):
     """Whether sphere k of a lane is settled; what was found of it is then written down.
 
-    ``found``: the block and the lane, or None.
+    ``found``: the block, the lane, and whether its block was looked at; or None.
     """
     if found is None:
         return False
-    block, i = found
+    block, i, is_looked_at = found
+    if not is_looked_at:
+        return False
     at = LANES * (SPHERES + PER_SPHERE * k + FIRST - 4) + i
     if not block[at + LANES * ADMITTED] > 0.0:
         return False

@@ -115,7 +115,7 @@ def store_calm(i, row, block, remembered, answers, period):
     write3(answers.safe[row], lane_triple(block, U(i + LANES * SNAP)))
     store_stop(U(i), block, remembered.plans[row], period)
     for k in range(remembered.half_spaces.shape[1]):
-        is_taken((block, i), k, remembered.half_spaces[row, k], fact)
+        is_taken((block, i, True), k, remembered.half_spaces[row, k], fact)
 
 
 @inline_kernel
@@ -123,8 +123,8 @@ def is_stop_taken(found, plan, period):
     """Whether the stop of a lane is sure, and so is stored; ``found`` as in ``is_taken``."""
     if found is None:
         return False
-    block, i = found
-    if not block[LANES * STOPS + i] > 0.0:
+    block, i, is_looked_at = found
+    if not is_looked_at or not block[LANES * STOPS + i] > 0.0:
         return False
     store_stop(U(i), block, plan, period)
     return True

@@ -20,10 +20,10 @@ from shields.blocks.block import (
     lane_flat,
     sphere_at,
 )
-from shields.chains.lower_bound import quick_lower4
+from shields.chains.lower_bound import is_above, quick_lower4
 from shields.chains.radial import LEAST_DISTANCE
 from shields.filters.easing import REACH, above, flat_output
-from shields.filters.sampled import ROUNDING, is_above, size_of_terms
+from shields.filters.sampled import ROUNDING, size_of_terms
 
 
 @inline_kernel

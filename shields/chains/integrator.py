@@ -67,10 +67,10 @@ def _lower_beyond_5(x, u_max, bound, work):
             times[count] = t
             count += 1
     for k in range(4, n):
-        _flow_polynomial(x, u_max, k, p)
+        flow_polynomial(x, u_max, k, p)
         times, below = below, times
         count = roots_from_stationary(p[: k + 1], below, count, times)
-    _flow_polynomial(x, u_max, n, p)
+    flow_polynomial(x, u_max, n, p)
     rise, t_star = 0.0, 0.0
     for k in range(count):
         rise, t_star = better(p, times[k], rise, t_star)
@@ -78,7 +78,7 @@ def _lower_beyond_5(x, u_max, bound, work):
 
 
 @kernel
-def _flow_polynomial(x, u_max, k, p):
+def flow_polynomial(x, u_max, k, p):
     """(9): coefficients of [flow(x, u_max, t)]_k into p, highest power first, as many as p holds."""
     factorial = 1.0
     for i in range(k, -1, -1):

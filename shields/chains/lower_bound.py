@@ -207,3 +207,31 @@ def lower4_batch(x, u_max, bound, value, t_star):
         if math.isnan(value[i]):
             k = 4 * i
             value[i], t_star[i] = lower4(x[k], x[k + 1], x[k + 2], x[k + 3], u_max[i], bound[i])
+
+
+@inline_kernel
+def is_above(x4, x3, x2, x1, u_max, t):
+    """Whether no x_4 before, after or at the time t of the state is below 0; u_max is 0 but for order 4.
+
+    A time h later it is ``x_4 + x_3 h + h² (x_2/2 + x_1 h/6 + u_max h²/24)``, and the least of the bracket over
+    h >= -t makes that a parabola. No branch is taken.
+    """
+    unit = u_max if u_max > 0.0 else 1.0
+    early = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
+    least = early if 2.0 * x1 >= u_max * t else 0.5 * x2 - x1 * x1 / (6.0 * unit)
+    # Where it rises, the bracket is below 0 up to this time only.
+    ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / unit
+    is_late_enough = (u_max != 0.0) & (x4 + ahead * (x3 + least * ahead) >= 0.0)
+    as_parabola = (least >= 0.0) & (4.0 * least * x4 >= x3 * x3)
+    return (x4 >= 0.0) & (as_parabola if (t > 0.0) | (x3 < 0.0) else (least >= 0.0) | is_late_enough)
+
+
+@inline_kernel
+def is_above_alone(x4, x3, x2, x1, u_max, t):
+    """``is_above`` of one row alone: a branch takes less time than a division."""
+    if not x4 >= 0.0:
+        return False
+    if 2.0 * x1 >= u_max * t and (t > 0.0 or x3 < 0.0):
+        least = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
+        return least >= 0.0 and 4.0 * least * x4 >= x3 * x3
+    return is_above(x4, x3, x2, x1, u_max, t)

@@ -29,7 +29,7 @@ from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.held_input import derivatives, lift_after, polynomial, state_after, stays_above, weight
 from quadsafe_core.maths.polynomials import evaluate
-from shields.chains.lower_bound import held_lower, lower, lower_parts
+from shields.chains.lower_bound import held_lower, is_above_alone, lower, lower_parts
 from shields.chains.rows import state_rows
 
 # Error of a value in units of its largest terms.
@@ -67,23 +67,6 @@ def size_of_terms(p, t):
     return (((abs(p[0]) * t + abs(p[1])) * t + abs(p[2])) * t + abs(p[3])) * t + abs(p[4])
 
 
-@inline_kernel
-def is_above(x4, x3, x2, x1, u_max, t):
-    """Whether no x_4 before, after or at the time t of the state is below 0; u_max is 0 but for order 4.
-
-    A time h later it is ``x_4 + x_3 h + h² (x_2/2 + x_1 h/6 + u_max h²/24)``, and the least of the bracket over
-    h >= -t makes that a parabola. No branch is taken.
-    """
-    unit = u_max if u_max > 0.0 else 1.0
-    early = 0.5 * x2 - t * (4.0 * x1 - u_max * t) * (1.0 / 24.0)
-    least = early if 2.0 * x1 >= u_max * t else 0.5 * x2 - x1 * x1 / (6.0 * unit)
-    # Where it rises, the bracket is below 0 up to this time only.
-    ahead = 2.0 * (math.sqrt(max(x1 * x1 - 3.0 * u_max * x2, 0.0)) - x1) / unit
-    is_late_enough = (u_max != 0.0) & (x4 + ahead * (x3 + least * ahead) >= 0.0)
-    as_parabola = (least >= 0.0) & (4.0 * least * x4 >= x3 * x3)
-    return (x4 >= 0.0) & (as_parabola if (t > 0.0) | (x3 < 0.0) else (least >= 0.0) | is_late_enough)
-
-
 @kernel
 def _touching(chain, t_star, target, lowest, highest):
     """Newton for the input and the time at which its tail touches the target; whether that is certain.
@@ -106,7 +89,7 @@ def _touching(chain, t_star, target, lowest, highest):
         lack = u_max - u
         speed, bend = most[2] - lack * slope[2], most[1] - lack * slope[1]
         room -= lack * slope[3] + noise
-        if is_above(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
+        if is_above_alone(room, speed, bend, most[0] - lack * slope[0], y[0], t - period):
             return u, True
         if not bend > 0.0:
             break

@@ -61,6 +61,10 @@ HALF_SPACE = np.dtype([("n", "f8", (3,)), ("least", "f8")])
 UNREAD = Authority(1.0, 1.0, 1.0, 20.0, 9.81)
 SETTINGS_ROW, PLANS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=PLAN)
 HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
+# Fewer rows than this are done one by one.
+FEW = 3
+# Among more bodies than this, those out of reach are not looked at; of one row alone, and in blocks.
+MANY, MANY_IN_BLOCKS = 10, 64
 
 
 class Width(NamedTuple):
@@ -73,12 +77,16 @@ class Width(NamedTuple):
 class Kind(NamedTuple):
     """Which limits a shield has beyond distances: 1, or None for what there is not, which is not compiled.
 
-    It crosses into a kernel as a plain tuple, in a third of the time.
+    ``blocks``: no limits but those of a flight, and rows enough to be looked at side by side. ``many``: no
+    other limits, and so many bodies that those out of reach are not looked at. It crosses into a kernel as a
+    plain tuple, in a third of the time.
     """
 
     closing: int | None
     authority: int | None
     tube: int | None
+    blocks: int | None
+    many: int | None
 
 
 class ShieldSettings(NamedTuple):
@@ -236,10 +244,11 @@ def write_settings(
     record["authority"] = bounds.authority or UNREAD
 
 
-def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool) -> Kind:
-    """Which limits a shield of these settings has."""
-    return Kind(
-        None if max(closing_bounds(settings)) == -math.inf else 1,
-        None if bounds.authority is None else 1,
-        1 if has_tube else None,
-    )
+def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, size: tuple[int, int]) -> Kind:
+    """Which limits a shield of these settings has, for N vehicles among K obstacles."""
+    closes = None if max(closing_bounds(settings)) == -math.inf else 1
+    authority = None if bounds.authority is None else 1
+    free = 1 if closes is None and authority is None else None
+    blocks = None if size[0] < FEW else free
+    most = MANY if blocks is None else MANY_IN_BLOCKS
+    return Kind(closes, authority, 1 if has_tube else None, blocks, free if size[1] > most else None)

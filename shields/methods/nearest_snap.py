@@ -32,7 +32,7 @@ class HalfSpaces(NamedTuple):
 
 
 class Chosen(NamedTuple):
-    """Half-spaces of a vehicle (K) ``HALF_SPACE``, and where it was looked at: block and lane, or None."""
+    """Half-spaces of a vehicle (K) ``HALF_SPACE``, and what was found of it before, as in ``is_taken``."""
 
     half_spaces: np.ndarray
     found: tuple | None
@@ -196,10 +196,17 @@ def nearest_snap(x, wanted, is_chosen, bodies, row, settings):
 
     ``is_chosen``: whether the half-spaces were chosen for this snap, and one of them asks for a correction.
     """
+    u, is_feasible, _ = projected_snap(x, wanted, is_chosen, bodies, row, settings)
+    return u, is_feasible
+
+
+@kernel
+def projected_snap(x, wanted, is_chosen, bodies, row, settings):
+    """``nearest_snap``, and how long a snap every body was asked of at most, m/s⁴."""
     snap_max = settings.flight.limits.snap_max
     half_spaces = no_half_spaces(bodies.keep_out.shape[0])
     wanted = within_ball(wanted, snap_max)
-    u, is_feasible = wanted, True
+    u, is_feasible, longest = wanted, True, norm(wanted)
     if is_chosen:
         is_cut, most = cut_as_chosen(wanted, bodies, row, half_spaces)
     else:
@@ -208,5 +215,17 @@ def nearest_snap(x, wanted, is_chosen, bodies, row, settings):
         rows = half_spaces.offsets.shape[0]
         px, py, pz, is_feasible = project(wanted, half_spaces.normals, half_spaces.offsets, rows)
         u = shortened((px, py, pz), half_spaces, snap_max)
+        longest = max(longest, norm(u))
         is_cut, most = cut(x, u, bodies, row, settings, half_spaces, most)
-    return u, is_feasible
+    return u, is_feasible, longest
+
+
+@kernel
+def snap_within(x, wanted, is_cut, bodies, row, settings):
+    """The snap that the bodies within reach leave, and how long a snap they were asked of at most, m/s⁴."""
+    if not is_cut:
+        return wanted, norm(wanted)
+    u, is_feasible, longest = projected_snap(x, wanted, True, bodies, row, settings)
+    # What is shortened before it is projected is outside of half-spaces that were chosen for the whole of it.
+    is_whole = norm(wanted) <= settings.flight.limits.snap_max
+    return u, longest if is_feasible and is_whole else math.inf

@@ -23,8 +23,8 @@ from shields.backup.certificate import (
     certified_snap,
 )
 from shields.backup.recovery import is_within, recovery_snap
-from shields.backup.stored_stop import reference, within_ball
-from shields.blocks.block import CALM, block_for, fill, find_nothing
+from shields.backup.stored_stop import length_of, reference, within_ball
+from shields.blocks.block import CALM, block_for, fill
 from shields.blocks.calm import is_stop_taken, look_at_block, store_calm
 from shields.interface.bodies import (
     as_one_row,
@@ -36,10 +36,26 @@ from shields.interface.bodies import (
 )
 from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
 from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
-from shields.methods.nearest_snap import JUST_INSIDE, Chosen, Row, choose_directions, direction, nearest_snap
+from shields.methods.memory import FEW
+from shields.methods.nearest_snap import (
+    JUST_INSIDE,
+    Chosen,
+    Row,
+    choose_directions,
+    direction,
+    nearest_snap,
+    snap_within,
+)
+from shields.methods.reach import (
+    as_bodies,
+    bodies_within,
+    look_around,
+    name_body,
+    recall_directions,
+    remember,
+    room_among,
+)
 
-# Fewer rows than this are done one by one.
-FEW = 3
 # Rounding, as a fraction of a radius, that a stored stop is allowed.
 ROUNDING = 1e-9
 
@@ -193,16 +209,15 @@ def rows_in_blocks(measured, remembered, settings, answers):
     block = block_for(spheres)
     for first in range(0, n, LANES):
         count = min(LANES, n - first)
-        if count >= FEW:
+        is_looked_at = count >= FEW
+        if is_looked_at:
             fill(block, first, count, measured, remembered, settings.flight.period)
             look_at_block(block, count, spheres, settings)
-        else:
-            find_nothing(block, count, spheres)
         for i in range(count):
-            if block[LANES * CALM + i] > 0.0:
+            if is_looked_at and block[LANES * CALM + i] > 0.0:
                 store_calm(i, first + i, block, remembered, answers, settings.flight.period)
             elif code == DONE:
-                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i))
+                code = sampled_row(first + i, measured, remembered, settings, answers, (block, i, is_looked_at))
     return code
 
 
@@ -217,11 +232,59 @@ def rows_one_by_one(measured, remembered, settings, answers):
 
 
 @kernel
-def sampled_rows(cores, closing, authority, measured, remembered, settings, answers):
-    """``sampled_row`` of every row; in blocks where there are spheres only, and no limits but of a flight."""
+def is_done_within_reach(i, measured, remembered, settings, answers, near):
+    """Whether row i is answered, as by ``sampled_row``, with a look at the bodies within reach only.
+
+    It is not where its snap is refused, too long, or not finite, and not inside a body.
+    """
+    x, bodies, fact, plan = (
+        flat_of_row(i, measured.flat),
+        measured.bodies,
+        answers.facts[i],
+        remembered.plans[i],
+    )
+    wanted, flight = wanted_snap(x, vector(measured.snap[i]), settings.braking, fact), settings.flight
+    most, h = norm(wanted) + settings.sampling.u_max, length_of(plan, flight.period)
+    reach = look_around(i, x, most, h, bodies, settings, near)
+    count = bodies_within(i, bodies, remembered.half_spaces, reach, near)
+    if fact["fallback"] != 0.0 or count < 0:
+        return False
+    within, chosen = as_bodies(near, count), near.half_spaces[:count]
+    is_cut, is_outside = choose_directions(0, x, wanted, within, Chosen(chosen, None), settings, fact)
+    if not is_outside:
+        return False
+    row = Row(chosen, plan, fact)
+    u, longest = snap_within(x, wanted, is_cut, bodies_of_row(0, within), row, settings)
+    if not (longest <= most and accept_at_once(0, plan, x, u, within, 0.5 * settings.margin, flight)):
+        return False
+    remember(i, x, bodies, remembered.half_spaces, reach, near)
+    name_body(fact, near)
+    note_kind(fact, ACCEPTED, True)
+    fact["reserve"] /= settings.sampling.u_max
+    return answer(i, wanted, u, answers)
+
+
+@kernel
+def rows_within_reach(measured, remembered, settings, answers):
+    """``sampled_row`` of every row, where that is enough with a look at the bodies within reach only."""
+    code, near = DONE, room_among(measured.bodies)
+    for i in range(measured.flat.shape[0]):
+        if code == DONE and not is_done_within_reach(i, measured, remembered, settings, answers, near):
+            recall_directions(i, measured.bodies, remembered.half_spaces)
+            code = sampled_row(i, measured, remembered, settings, answers, None)
+    return code
+
+
+@kernel
+def sampled_rows(cores, blocks, many, measured, remembered, settings, answers):
+    """``sampled_row`` of every row: within reach of many bodies; else among spheres in blocks; else one by one.
+
+    ``blocks`` and ``many`` as in ``Kind``.
+    """
+    if many is not None:
+        return rows_within_reach(measured, remembered, settings, answers)
     # One condition each, or none would be dropped where it is compiled.
     if cores is None:  # noqa: SIM102
-        if closing is None:  # noqa: SIM102
-            if authority is None:
-                return rows_in_blocks(measured, remembered, settings, answers)
+        if blocks is not None:
+            return rows_in_blocks(measured, remembered, settings, answers)
     return rows_one_by_one(measured, remembered, settings, answers)

@@ -47,9 +47,7 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
     code = checked_rows(measured, n, k)
     if code != DONE:
         return code
-    return sampled_rows(
-        cores, settings.closing, settings.sampling.authority, measured, held.rows, settings, answers
-    )
+    return sampled_rows(cores, kind[3], kind[4], measured, held.rows, settings, answers)
 
 
 @kernel
@@ -96,5 +94,5 @@ class SampledMethod:
         held.rows.plans["is_stored"] = False
         bounds = bounds_of(self._settings)
         write_settings(held.settings[0], self._settings, period, bounds, held_gains(4, TRACKING_POLE, period))
-        kind = kind_of(self._settings, bounds, has_tube=False)
+        kind = kind_of(self._settings, bounds, has_tube=False, size=self._size)
         return Kernels(sampled_batch, sampled_one, self.memory, tuple(kind))

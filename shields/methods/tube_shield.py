@@ -173,9 +173,7 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
         flats, centers = tubes.flats, tubes.centers
     widen(bodies, settings.tube, tubes.radii)
     ahead = Measured(flats, Bodies(centers, bodies.velocity, tubes.radii, bodies.cores), measured.snap)
-    code = sampled_rows(
-        cores, settings.closing, settings.sampling.authority, ahead, held.rows, settings, answers
-    )
+    code = sampled_rows(cores, kind[3], kind[4], ahead, held.rows, settings, answers)
     if code == DONE:
         close_rows(measured, answers, tubes, settings.tube, settings.flight.period)
     return code
@@ -278,7 +276,7 @@ class TubeMethod:
         held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
-        kind = kind_of(self._settings, bounds, has_tube=True)
+        kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
         return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:

@@ -6,13 +6,14 @@ import sys
 import pytest
 
 from agents.experiment.command_line import ACTIONS, ALGORITHM_NAMES, parse
-from agents.learn.algorithms import ALGORITHMS
+from agents.learn.algorithms import ALGORITHMS, SBX_PPO
 from quadsafe_env.vehicle.actions import INTERFACES
 
 WRONG = {
     ("--env", "QuadSafe/Avoyd-v0"): r"^env must be one of .*; did you mean 'QuadSafe/Avoid-v0'\?$",
     ("--action", "atitude"): r"^action must be one of .*, got 'atitude'; did you mean 'attitude'\?$",
     ("--algo", "pp"): r"^algo must be one of .*, got 'pp'; did you mean 'ppo'\?$",
+    ("--algorithm", "sbx:ppo"): r"^algo must be one of .*, got 'sbx:ppo'; did you mean 'sbx:PPO'\?$",
     ("--env-kwargs", "action:snap"): r"^env_kwargs must leave out action, which is --action, got 'snap'$",
 }
 
@@ -24,7 +25,7 @@ def test_a_wrong_word_is_a_sentence(words):
 
 
 def test_the_right_words_are_those_that_there_are():
-    assert ACTIONS == INTERFACES and set(ALGORITHM_NAMES) == set(ALGORITHMS)
+    assert ACTIONS == INTERFACES and set(ALGORITHM_NAMES) == {*ALGORITHMS, SBX_PPO}
     for action in ACTIONS:
         assert parse(["--action", action]).experiment.action == action  # type: ignore[union-attr]
 

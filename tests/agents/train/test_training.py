@@ -320,4 +320,4 @@ def test_the_policy_is_the_one_stable_baselines_trains():
     experiment = checked(Experiment(hyperparams=own))
     model = algorithms.make_model(experiment, Sb3VectorEnv(make_training_env(experiment, "none")), seed=0)
     assert [layer.out_features for layer in model.policy.mlp_extractor.policy_net[::2]] == [32, 16]
-    assert model.policy.log_std[0].item() == -0.5 and model.n_epochs == 10
+    assert model.policy.log_std[0].item() == -0.5 and model.n_epochs == 5

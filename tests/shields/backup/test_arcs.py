@@ -15,7 +15,8 @@ from shields.backup.arcs import (
     acceleration_points,
     arc_is_clear,
     is_separated,
-    look_at_pieces,
+    look_at_arc,
+    look_at_piece,
     nearest_on_chord,
     piece_clears,
     piece_keeps_thrust,
@@ -275,22 +276,48 @@ def test_a_piece_keeps_the_thrust_up_to_its_control_points():
 
 
 @pytest.mark.interpreted
-def test_what_a_look_at_pieces_finds():
+def test_what_a_look_at_a_piece_finds():
     x = flat_state([[0.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [0, 0, 0]])
 
-    def look(center, velocity=(0.0, 0.0, 0.0), keep=1.0, pieces=2, start=0.0, band=FLOOR):
+    def look(center, velocity=(0.0, 0.0, 0.0), keep=1.0, piece=1, start=0.0, band=FLOOR):
         spheres = MovingBodies(*(np.array([part], float) for part in (center, velocity, keep)))
-        return look_at_pieces(x, (0.0, 0.0, 0.0), start, 0.5, pieces, spheres, band)
+        return look_at_piece(x, (0.0, 0.0, 0.0), start, 0.5, piece, spheres, band)
 
     assert look((9.0, 0.0, 0.0)) == CLEAR
     # the end of the second piece, x = 1, is in the sphere, that of the first is not; or a point between them
-    assert look((1.9, 0.0, 0.0)) == HIT and look((1.9, 0.0, 0.0), pieces=1) == CLEAR
-    assert look((0.25, 0.1, 0.0), keep=0.2) == UNSURE
+    assert look((1.9, 0.0, 0.0)) == HIT and look((1.9, 0.0, 0.0), piece=0) == CLEAR
+    assert look((0.25, 0.1, 0.0), keep=0.2, piece=0) == UNSURE
     # a sphere that has moved on by the time, or arrives
     assert look((1.5, -5.0, 0.0), (0.0, 5.0, 0.0)) == HIT
     assert look((1.5, 0.0, 0.0), (0.0, 5.0, 0.0), start=1.0) == CLEAR
     assert look((9.0, 0.0, 0.0), band=ThrustBand(9.9, math.inf, GRAVITY)) == HIT
     assert look((0.5, 0.0, 0.0), keep=0.0) == CLEAR
+
+
+def clear_in_equal_pieces(x, snap, start, duration, bodies, band):
+    """Whether all pieces are clear in one of 1, 2, 4, … equal parts of an arc."""
+    pieces = 1
+    while True:
+        looks = [look_at_piece(x, snap, start, duration / pieces, k, bodies, band) for k in range(pieces)]
+        first = next((look for look in looks if look != CLEAR), CLEAR)
+        if first != UNSURE or duration < 2 * pieces * 0.02 or pieces >= 128:
+            return first == CLEAR
+        pieces *= 2
+
+
+def test_an_arc_in_pieces_as_short_as_they_must_be_is_clear_where_equal_ones_are():
+    rng, counts = np.random.default_rng(11), {True: 0, False: 0}
+    for _ in range(3000):
+        rows = rng.normal(size=(4, 3)) * np.array([[2.0], [2.0], [3.0], [6.0]])
+        x, snap = flat_state(rows), three(rng.normal(size=3) * 10.0)
+        gaps, duration = rng.normal(size=(2, 3)), rng.uniform(0.02, 1.5)
+        centers = rows[0] + gaps / np.linalg.norm(gaps, axis=1)[:, None] * rng.uniform(1.0, 4.0, (2, 1))
+        spheres = MovingBodies(centers, rng.normal(size=(2, 3)), np.array([0.9, 0.7]))
+        expected = clear_in_equal_pieces(x, snap, 0.0, duration, spheres, FLOOR)
+        found = look_at_arc(x, snap, 0.0, duration, spheres, FLOOR)
+        assert (found == CLEAR) == expected
+        counts[expected] += 1
+    assert min(counts.values()) > 500
 
 
 @pytest.mark.interpreted

@@ -317,7 +317,7 @@ def test_a_stored_stop_stays_clear_of_what_it_was_clear_of(frame):
     for _ in range(200):
         x, plan = some_state(rng), empty_plan()
         spheres = spheres_of((rng.normal(size=3) * 2, frame, rng.uniform(0.2, 1.0)))
-        if adopt_stop(plan, x, 0.0, PERIOD, spheres, LIMITS):
+        if adopt_stop(plan, x, PERIOD, spheres, LIMITS):
             slack = MovingBodies(spheres.center, spheres.velocity, spheres.keep_out * (1 - 1e-9))
             while plan["segments_left"] > 0:
                 assert look_at_stored_stop(plan, PERIOD, slack) == CLEAR
@@ -343,7 +343,7 @@ def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
     # A sphere comes up behind: at rest in the world it would hit, ahead of it at its speed it does not.
     chaser = spheres_of(((-1.5, 0, 0), (1.0, 0, 0), 0.5))
     x, plan = flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), empty_plan()
-    assert adopt_stop(plan, x, 0.0, PERIOD, chaser, LIMITS)
+    assert adopt_stop(plan, x, PERIOD, chaser, LIMITS)
     np.testing.assert_array_equal(plan["frame"], (1.0, 0, 0))
     states, times, _ = samples_of_stop(plan, PERIOD, LIMITS.stop_snap_max)
     assert_clear(states, times, chaser)
@@ -353,7 +353,7 @@ def test_a_stop_may_end_in_the_frame_of_a_moving_sphere():
 def test_an_absent_sphere_lends_no_frame():
     absent = spheres_of((WORLD, (1.0, 0, 0), 0.0))
     plan = empty_plan()
-    assert adopt_stop(plan, flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), 0.0, PERIOD, absent, LIMITS)
+    assert adopt_stop(plan, flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD]), PERIOD, absent, LIMITS)
     np.testing.assert_array_equal(plan["frame"], WORLD)
 
 

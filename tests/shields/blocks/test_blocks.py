@@ -65,7 +65,7 @@ def calm_of(shield, flat, center, radius, snap):
     n, k = radius.shape
     shield.filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
     held, _ = sampled_memory(shield._method.memory, n, k)
-    kind = kind_of(shield.settings, bounds_of(shield.settings), has_tube=False)
+    kind = kind_of(shield.settings, bounds_of(shield.settings), has_tube=False, size=(1, 1))
     settings = settings_of(held.settings[0], tuple(kind))
     measured, block = Measured(flat, Bodies(center, held.velocities, radius), snap), block_for(k)
     fill(block, 0, n, measured, held.rows, PERIOD)

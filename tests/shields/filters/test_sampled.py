@@ -19,13 +19,12 @@ from quadsafe_core.maths.held_input import (
 )
 from shields.chains.integrator import lower4, lower_value
 from shields.chains.integrator import required_input as continuous_input
-from shields.chains.lower_bound import held_lower
+from shields.chains.lower_bound import held_lower, is_above, is_above_alone
 from shields.filters.sampled import (
     Chain,
     Held,
     _needed_later,
     _rise_at,
-    is_above,
     required,
     sampled_input,
     sampled_value,
@@ -153,7 +152,9 @@ def test_a_tail_that_is_told_to_stay_above_does():
         x = rng.normal(size=4) * 10 ** rng.uniform(-2, 2, 4)
         u_max, t = float(rng.choice([0.0, 1.0, 30.0])), float(rng.choice([0.0, rng.exponential()]))
         x[0] = abs(x[0]) if u_max == 0.0 else x[0]  # below order 4 it is the input u_max, or 0
-        if is_above(*map(float, x[::-1]), u_max, t):
+        is_told = is_above(*map(float, x[::-1]), u_max, t)
+        assert is_above_alone(*map(float, x[::-1]), u_max, t) == is_told
+        if is_told:
             h = np.concatenate([np.linspace(-t, 0.0, 200), np.linspace(0, 1, 400) ** 3 * 1e3])
             path = x[3] + h * (x[2] + h * (x[1] / 2 + h * (x[0] / 6 + h * u_max / 24)))
             assert path.min() >= -1e-12 * np.abs(x[3])

@@ -62,7 +62,7 @@ def settings_of(**given):
     shield, record = Shield(**given), np.zeros(1, dtype=SETTINGS)[0]
     bounds, gains = bounds_of(shield.settings), held_gains(4, TRACKING_POLE, PERIOD)
     write_settings(record, shield.settings, PERIOD, bounds, gains)
-    return settings_in(record, tuple(kind_of(shield.settings, bounds, has_tube=False)))
+    return settings_in(record, tuple(kind_of(shield.settings, bounds, has_tube=False, size=(1, 1))))
 
 
 def spheres_at(*rows):
