@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from quadsafe_env.simulation.episode import TERMINATED
-from quadsafe_env.simulation.world import World
+from quadsafe_env.split_world import AnyWorld
 
 # What ``VectorEnv.step`` returns: observations, rewards, terminated, truncated, and the info.
 Transition = tuple[
@@ -34,7 +34,7 @@ class Episodes:
 
     mode: ClassVar[AutoresetMode]
 
-    def __init__(self, world: World, limit: float):
+    def __init__(self, world: AnyWorld, limit: float):
         self.world, self.limit = world, limit
         self.steps = np.zeros(world.n, dtype=np.int64)
         self._everyone = np.ones(world.n, dtype=np.bool_)

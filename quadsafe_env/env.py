@@ -24,6 +24,7 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.simulation.surroundings import copied_row
+from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.way import corners_of
 
 ROW = np.zeros(1, dtype=np.intp)
@@ -140,11 +141,13 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     see an estimate, while reward, cost and info stay true. ``conditions`` says what is on.
 
     ### Keywords
-    See ``quadsafe_env.settings.build_world``.
+    See ``quadsafe_env.settings.build_worlds``.
 
     ### Versions
     v0: first.
     """
+
+    _world: World
 
     metadata = {"render_modes": list(RENDER_MODES), "render_fps": 25}  # noqa: RUF012 - Gymnasium's attribute
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_env.settings import exact_array
-from quadsafe_env.simulation.world import World
+from quadsafe_env.split_world import AnyWorld
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, STATE_SIZE, THRUST
 
 # An attitude that far from a rotation, in its worst entry, is a rotation with rounding errors of someone
@@ -14,7 +14,7 @@ NEARLY, ROUNDING = 1e-6, 1e-12
 LARGEST_TURN = 0.3  # rad
 
 
-def given_states(value: ArrayLike, leading: tuple[int, ...], world: World) -> NDArray[np.float64]:
+def given_states(value: ArrayLike, leading: tuple[int, ...], world: AnyWorld) -> NDArray[np.float64]:
     """States (…, 20) to fly from, a fresh array.
 
     An attitude Q = U S Vᵀ is taken if no entry is further than 1e-6 from the nearest rotation,

@@ -9,7 +9,7 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
 from quadsafe_env.signals.told_worlds import ToldWorld
 from quadsafe_env.simulation.slot import MinimalFilter
-from quadsafe_env.simulation.world import World
+from quadsafe_env.split_world import AnyWorld, SplitWorld
 from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
 from quadsafe_env.vehicle.authority import authority, yaw_range
 from quadsafe_env.vehicle.inner_loop_error import Flight, lead, snap_error
@@ -19,7 +19,7 @@ from quadsafe_env.vehicle.params import QuadrotorParams
 class PlantAccess:
     """The plant's side of the bridge that the single and the vector env have in common."""
 
-    _world: World
+    _world: AnyWorld
 
     @property
     def params(self) -> QuadrotorParams:
@@ -34,12 +34,13 @@ class PlantAccess:
     @property
     def follows(self) -> bool:
         """Whether the task has a reference to follow."""
-        return isinstance(self._world, ToldWorld) and self._world.follows
+        first = self._world.parts[0] if isinstance(self._world, SplitWorld) else self._world
+        return isinstance(first, ToldWorld) and first.follows
 
     def _references(self) -> NDArray[np.float64]:
-        if not isinstance(self._world, ToldWorld) or not self._world.follows:
+        if not self.follows:
             raise ValueError("reference must be asked of QuadSafe/Track-v0, got a task without one")
-        return self._world.references()
+        return self._world.references()  # type: ignore[attr-defined]
 
     def reference_line(self, row: int = 0) -> NDArray[np.float64]:
         """In Track, points of the whole reference of a row, for pictures, (M, 3), m; else an error."""

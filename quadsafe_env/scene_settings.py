@@ -68,7 +68,7 @@ def mapped(
         given: obstacles, or None for those that the task draws.
         walls: of ``bounds``.
         vehicle_radius: m.
-        start, goal, blocked: see ``quadsafe_env.settings.build_world``.
+        start, goal, blocked: see ``quadsafe_env.settings.build_worlds``.
 
     Raises:
         TypeError, ValueError: for what is no start, goal or share, or without obstacles, and for a map that

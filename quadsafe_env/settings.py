@@ -63,8 +63,13 @@ RENDER_MODES = ("human", "rgb_array")
 ENTRY = np.dtype(np.float32)
 
 
-def build_world(
-    n: int,
+def build_world(n: int, render_mode: str | None = None, is_single: bool = False, **settings: Any) -> World:
+    """A world of ``n`` rows, see ``build_worlds``."""
+    return build_worlds((n,), render_mode, is_single, **settings)[0]
+
+
+def build_worlds(
+    counts: Sequence[int],
     render_mode: str | None = None,
     is_single: bool = False,
     *,
@@ -96,11 +101,11 @@ def build_world(
     render_size: int = 480,
     camera=None,
     caption: str = "",
-) -> World:
-    """A world of ``n`` rows.
+) -> list[World]:
+    """Worlds alike but for the numbers of their rows.
 
     Args:
-        n: number of rows.
+        counts: number of rows of each.
         render_mode: one that was checked, or None; what is rendered remembers its past.
         is_single: whether functions given as observation and reward get one row without an axis of rows.
         task: "flight", "avoid", "forest", "rooms", "gates" or "track"; fixed by the id.
@@ -188,13 +193,13 @@ def build_world(
     met = conditions_from(conditions)
     kept |= {} if met == OFF else {"conditions": met}
     kind = WORLDS[signals is not None, met != OFF, render_mode]
-    return kind(n, drawn, vehicle, **kept)
+    return [kind(n, drawn, vehicle, **kept) for n in counts]
 
 
 def check_keywords(maker: str, settings: Mapping[str, Any], own: tuple[str, ...]) -> None:
     """Raise a TypeError for a keyword that neither a world nor its environment, made by ``maker``, has."""
     # The task is that of the id.
-    known = [name for name in (*own, *keywords_of(build_world)) if name != "task"]
+    known = [name for name in (*own, *keywords_of(build_worlds)) if name != "task"]
     known_keywords(maker, [name for name in settings if name != "task"], known)
 
 

@@ -10,6 +10,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from quadsafe_core.checks import positive_integer
+from quadsafe_core.kernels.threads import row_counts
 from quadsafe_core.maths.counter_rng import KEY_LIMIT, key_words
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.autoreset import MODES, mode_from, vector_info
@@ -18,7 +19,7 @@ from quadsafe_env.plain_spec import PlainSpec
 from quadsafe_env.plant_access import PlantAccess
 from quadsafe_env.settings import (
     action_array,
-    build_world,
+    build_worlds,
     check_begun,
     check_keywords,
     check_render_mode,
@@ -26,9 +27,10 @@ from quadsafe_env.settings import (
     scene_integer,
 )
 from quadsafe_env.simulation.surroundings import copied
+from quadsafe_env.split_world import joined
 
 RENDER_MODES = ("rgb_array",)
-OWN_KEYWORDS = ("max_episode_steps", "render_mode", "autoreset_mode")
+OWN_KEYWORDS = ("max_episode_steps", "render_mode", "autoreset_mode", "threads")
 
 
 class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
@@ -53,7 +55,10 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         max_episode_steps: time limit, policy steps; None for no limit.
         render_mode: None or "rgb_array": ``render()`` gives one frame a row.
         autoreset_mode: ``gymnasium.vector.AutoresetMode``, or the value or name of one.
-        settings: see ``quadsafe_env.settings.build_world``.
+        threads: how many threads fly the rows, each a range of whole blocks of sixteen; they are the same bits
+            with any number. A filter in the slot needs ``parts`` then, see ``quadsafe_env.split_world``, and
+            functions given as observation and reward are called from several threads.
+        settings: see ``quadsafe_env.settings.build_worlds``.
     """
 
     metadata = {  # noqa: RUF012 - Gymnasium's attribute
@@ -69,12 +74,15 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        threads: int = 1,
         **settings: Any,
     ):
         check_keywords("gymnasium.make_vec", settings, OWN_KEYWORDS)
         self.num_envs = positive_integer("num_envs", num_envs)
         self.render_mode = check_render_mode(render_mode, RENDER_MODES)
-        self._world = build_world(self.num_envs, self.render_mode, **settings)
+        self.row_counts = row_counts(self.num_envs, positive_integer("threads", threads))
+        """How many rows each thread flies; a shield has a memory of its own for each."""
+        self._world = joined(build_worlds(self.row_counts, self.render_mode, **settings))
         mode = mode_from(autoreset_mode)
         self.metadata = {**self.metadata, "render_fps": self._world.rates.policy, "autoreset_mode": mode}
         self.single_action_space = Box(-1.0, 1.0, (4,), np.float32)

@@ -5,9 +5,12 @@ It calls ``snap_filter.filter(flat, obstacles, snap, period)`` once per control 
 the ``snap`` of the answer, and calls ``snap_filter.reset(mask)`` for rows that start anew. Rows that it
 resets before the first call of a policy step begin an episode in that step in place of flying. Its pictures
 may ask ``snap_filter.done`` what the shield did.
+
+A vector plant that flies its rows in threads has ``row_counts`` too, how many rows each of them flies; there is
+then a filter for each in ``snap_filter.parts``, and it calls these, not ``snap_filter`` itself.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -16,16 +19,18 @@ from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import keywords_of, known_keywords, non_negative_number, one_of
+from quadsafe_core.kernels.jit import released
 from shields.settings.plant_settings import plain_settings, settings_for
 from shields.shield import Shield
 from shields.slot.info import INFO_FORMATS
 from shields.slot.recorder import Recorder
+from shields.slot.split import SplitRecorder, SplitShield
 
 
 class Installation:
     """A recorder in the slot of a plant, and the way out."""
 
-    def __init__(self, plant: Any, shield: Shield, rows: int):
+    def __init__(self, plant: Any, recorder: Any):
         if not (hasattr(plant, "snap_filter") and hasattr(plant, "is_shielded")):
             raise TypeError(
                 f"env must have a filter slot (snap_filter, is_shielded), got {type(plant).__name__}; "
@@ -34,8 +39,7 @@ class Installation:
         if plant.is_shielded:
             raise ValueError("env must not be shielded twice: call remove() on its ShieldWrapper first")
         self._plant, self._before = plant, plant.snap_filter
-        self.shield = shield
-        self.recorder = plant.snap_filter = Recorder(shield, rows)
+        self.recorder = plant.snap_filter = recorder
 
     def begin(self) -> None:
         """Open a policy step; the shield must still be there."""
@@ -47,6 +51,15 @@ class Installation:
         """Put back what was in the slot before."""
         self.begin()
         self._plant.snap_filter = self._before
+
+
+class ReleasedShield(Shield):
+    """A shield that lets other threads run while it filters."""
+
+    def _begin(self, size: tuple[int, int], is_single: bool, period: float) -> None:
+        super()._begin(size, is_single, period)
+        self._kernels = self._kernels._replace(batch=released(self._kernels.batch))
+        self._kernel = self._kernels.batch
 
 
 class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
@@ -110,19 +123,19 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         _check_env(env, gymnasium.Env, "VectorShieldWrapper takes vector environments")
         self._format = _format(info_format)
         _check_settings("ShieldWrapper", settings)
-        shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
+        recorder = Recorder(Shield(**settings_for(env.unwrapped, inner_loop, settings)), rows=1)
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
         # What was given, not what the plant made of it: a rebuilt env may fly another vehicle.
         kept = {"intervention_penalty": penalty, "inner_loop": inner_loop, "info_format": info_format}
         RecordConstructorArgs.__init__(self, **{**kept, **plain_settings(settings)})
         gymnasium.Wrapper.__init__(self, env)
         self._penalty = penalty
-        self._installation = Installation(env.unwrapped, shield, rows=1)
+        self._installation = Installation(env.unwrapped, recorder)
 
     @property
     def shield(self) -> Shield:
         """The shield in the slot."""
-        return self._installation.shield
+        return self._installation.recorder.shield
 
     def remove(self) -> gymnasium.Env:
         """Take the shield out of the slot; returns the inner environment, unshielded."""
@@ -189,8 +202,11 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         _check_settings("VectorShieldWrapper", settings)
         self._everyone = np.ones(env.num_envs, dtype=np.bool_)
         self._penalty = non_negative_number("intervention_penalty", intervention_penalty)
-        shield = Shield(**settings_for(env.unwrapped, inner_loop, settings))
-        self._installation = Installation(env.unwrapped, shield, rows=env.num_envs)
+        plant: Any = env.unwrapped
+        # A plant with threads of its own tells which rows each of them flies.
+        counts = plant.row_counts if hasattr(plant, "row_counts") else (env.num_envs,)
+        recorder = _recorder_of(settings_for(plant, inner_loop, settings), counts)
+        self._installation = Installation(plant, recorder)
 
     @property
     def autoreset_mode(self) -> gymnasium.vector.AutoresetMode | None:
@@ -203,9 +219,9 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return None
 
     @property
-    def shield(self) -> Shield:
-        """The shield in the slot."""
-        return self._installation.shield
+    def shield(self) -> Shield | SplitShield:
+        """The shield in the slot; of an env with threads one for each of them, behind one snapshot."""
+        return self._installation.recorder.shield
 
     def remove(self) -> gymnasium.vector.VectorEnv:
         """Take the shield out of the slot; returns the inner environment, unshielded."""
@@ -234,6 +250,13 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
 
     def _told(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         return self._format(self._installation.recorder.summary(mask), mask)
+
+
+def _recorder_of(settings: Mapping[str, Any], counts: Sequence[int]) -> Recorder | SplitRecorder:
+    """What records a new shield of these settings, or one for each of several counts of rows."""
+    if len(counts) == 1:
+        return Recorder(Shield(**settings), counts[0])
+    return SplitRecorder(SplitShield([ReleasedShield(**settings) for _ in counts]), counts)
 
 
 def _check_env(env: Any, kind: type, other: str) -> None:

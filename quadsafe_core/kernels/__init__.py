@@ -1,4 +1,4 @@
-"""Compiled code: how kernels are compiled and kept, arrays they borrow, vector lanes, three-vectors.
+"""Compiled code: how kernels are compiled and kept, arrays they borrow, lanes and threads, three-vectors.
 
 This room alone leans on the inside of numba and llvmlite, piece by piece, each for a reason: ``python
 benchmarks/kernels.py PIECE`` replaces one by the plain public way, which is what to do if a new numba breaks

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.jit import released
 from quadsafe_core.kernels.ravel import raveled
 from quadsafe_env.disturbances.disturbance import disturbance
 from quadsafe_env.disturbances.disturbed_flight import advance_disturbed_batch
@@ -49,6 +50,12 @@ class DisturbedWorld(World):
         # The other interfaces do not feed the estimate back.
         feeds_back = settings["action"] == "velocity"
         self._feedback = velocity_gains(self.control_period) if feeds_back else NO_FEEDBACK
+        self._estimate, self._advance = estimate_batch, advance_disturbed_batch
+
+    def release(self) -> None:
+        """See ``World.release``."""
+        super().release()
+        self._estimate, self._advance = released(self._estimate), released(self._advance)
 
     def _allocate(self, k: int) -> None:
         super()._allocate(k)
@@ -57,8 +64,9 @@ class DisturbedWorld(World):
         self._lost = np.zeros(self.n, dtype=np.bool_)
         self._everyone = np.arange(self.n)
 
-    def _remembered(self) -> dict[str, NDArray]:
-        return {**super()._remembered(), "weather": self._weather, "line": self._line}
+    def remembered(self) -> dict[str, NDArray]:
+        """All that it remembers, as it is."""
+        return {**super().remembered(), "weather": self._weather, "line": self._line}
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
         draw_rows(rows, self.words, self._disturbance, self._weather, self._line)
@@ -72,11 +80,11 @@ class DisturbedWorld(World):
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
         super()._wish(actions, opens)
-        estimate_batch(self._disturbance, self._weather, self._feedback, self._flat, self._snap)
+        self._estimate(self._disturbance, self._weather, self._feedback, self._flat, self._snap)
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
         self._deliver(snap)
-        advance_disturbed_batch(
+        self._advance(
             self._disturbed_plant,
             self._rotors,
             closes,

@@ -47,7 +47,7 @@ def signals_from(
     """What was asked for with ``observation=`` and ``reward=``; None if all is as the plain tasks have it.
 
     Args:
-        observation, reward: see ``quadsafe_env.settings.build_world``.
+        observation, reward: see ``quadsafe_env.settings.build_worlds``.
         course: what is followed, None if nothing is.
         is_single: whether there is no axis of rows.
         count: of how many obstacles there are quantities.

@@ -47,11 +47,12 @@ class ToldWorld(World):
         super()._allocate(k)
         self._before = np.zeros(self.n)
 
-    def _remembered(self) -> dict[str, NDArray]:
+    def remembered(self) -> dict[str, NDArray]:
+        """All that it remembers, as it is."""
         own = {"action": self._action, "previous_action": self._previous_action, "before": self._before}
         followed = {} if self._following is None else self._following.rows._asdict()
         # The vector env has steps of its own.
-        return {**super()._remembered(), **own, **{f"followed_{name}": x for name, x in followed.items()}}
+        return {**super().remembered(), **own, **{f"followed_{name}": x for name, x in followed.items()}}
 
     def _begin(self, rows: NDArray[np.intp]) -> None:
         if self._following is not None:
@@ -98,10 +99,9 @@ class ToldWorld(World):
             self.outcomes[PAID] = rewarded(self._signals.reward, q, self._leading(rows))
         return self._told(plain, rows)
 
-    def outcome(self):
-        """See ``World.outcome``; the info tells of the error too where a reference is followed."""
-        rewards, terminated, values = super().outcome()
-        return rewards, terminated, values if self._following is None else values | self._following.told()
+    def followed(self) -> dict[str, NDArray]:
+        """See ``World.followed``: where a reference is followed, the error."""
+        return {} if self._following is None else self._following.told()
 
     def outcome_of_one(self):
         """See ``World.outcome_of_one``; the info tells of the error too where a reference is followed."""

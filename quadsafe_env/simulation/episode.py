@@ -7,6 +7,9 @@ Kernels are given what those of ``block`` are; ``rows`` are ``Rows``, and ``scen
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, lane_triple, to_lanes
 from quadsafe_env.simulation.block import (
@@ -53,6 +56,15 @@ INFO_KEYS = (
     "saturated",
     "spinning",
 )
+
+
+def outcome_of(
+    outcomes: NDArray[np.float64], flags: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
+    """Rewards, ends and the info of N rows, views of these lines (3, N) and (FLAGS, N)."""
+    rewards, cost, clearance = outcomes
+    *told, terminated = flags
+    return rewards, terminated, dict(zip(INFO_KEYS, (cost, clearance, *told), strict=True))
 
 
 @inline_kernel

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.jit import released
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import CORE
 from quadsafe_env.simulation.batches import advance_batch, begin_rows, observe_rows
@@ -28,6 +29,10 @@ class Flight(NamedTuple):
     observe: Callable[..., None]
     advance: Callable[..., None]
 
+    def released(self) -> "Flight":
+        """The same while other threads run."""
+        return self._replace(observe=released(self.observe), advance=released(self.advance))
+
 
 class BodyFlight:
     """A ``Flight`` among bodies of any kind, at rest or moving.
@@ -38,7 +43,12 @@ class BodyFlight:
     """
 
     def __init__(self, memory: NDArray[np.uint8], layout: str):
-        self._memory, self._observe = memory, OBSERVERS[layout]
+        self._memory, self._observe, self._advance = memory, OBSERVERS[layout], advance_among
+
+    def released(self) -> "BodyFlight":
+        """This one, from now on while other threads run."""
+        self._observe, self._advance = released(self._observe), released(self._advance)
+        return self
 
     def begin(self, indices, memory, scene_memory):
         """See ``begin_among``."""
@@ -50,7 +60,7 @@ class BodyFlight:
 
     def advance(self, numbers, rotors, closes, memory, scene_memory, snap, observations):
         """See ``advance_among``; the last period of a policy step is observed."""
-        advance_among(numbers, rotors, closes, memory, scene_memory, self._memory, snap)
+        self._advance(numbers, rotors, closes, memory, scene_memory, self._memory, snap)
         if closes:
             n, states = len(snap), rows_of(memory).state.reshape(-1, STATE_SIZE)
             self.observe(np.arange(n), numbers, states, scene_memory, observations)

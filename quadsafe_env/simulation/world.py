@@ -14,10 +14,11 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.jit import released
 from quadsafe_core.kernels.ravel import raveled
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.simulation.batches import next_words, place_rows
-from quadsafe_env.simulation.episode import INFO_KEYS
+from quadsafe_env.simulation.episode import INFO_KEYS, outcome_of
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
@@ -106,6 +107,10 @@ class World:
         )
         self._allocate(self._source.body_count)
 
+    def release(self) -> None:
+        """From now on other threads run while this world flies."""
+        self._measure, self._flight = released(self._measure), self._flight.released()
+
     def yaw_hold_at(self, dt: float) -> YawHold:
         """What the yaw motion keeps to with physics steps of ``dt``, s."""
         kept = yaw_range(self.params) if self.rotor_limits else YawRange(self.params.yaw_rate_max, math.inf)
@@ -159,7 +164,7 @@ class World:
 
     def snapshot(self) -> dict[str, NDArray]:
         """All that this world remembers, as copies; the filter in the slot has its own memory."""
-        return {name: array.copy() for name, array in self._remembered().items()}
+        return {name: array.copy() for name, array in self.remembered().items()}
 
     def restore(self, snapshot: Mapping[str, NDArray]) -> None:
         """Go on where an equal world was when it gave this snapshot.
@@ -167,9 +172,10 @@ class World:
         Raises:
             ValueError: for the snapshot of a world of another size.
         """
-        restore_arrays(self._remembered(), snapshot, self.n)
+        restore_arrays(self.remembered(), snapshot, self.n)
 
-    def _remembered(self) -> dict[str, NDArray]:
+    def remembered(self) -> dict[str, NDArray]:
+        """All that it remembers, as it is."""
         bodies = {} if self._source.bodies is None else {"bodies": self._source.bodies}
         return {
             **bodies,
@@ -279,9 +285,12 @@ class World:
 
     def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
         """Rewards, ends and the info of the last step, fresh arrays (N,)."""
-        rewards, cost, clearance = self.outcomes.copy()
-        *flags, terminated = self.flags.copy()
-        return rewards, terminated, dict(zip(INFO_KEYS, (cost, clearance, *flags), strict=True))
+        rewards, ends, info = outcome_of(self.outcomes.copy(), self.flags.copy())
+        return rewards, ends, info | self.followed()
+
+    def followed(self) -> dict[str, NDArray]:
+        """What the info tells beyond that, (N,) each."""
+        return {}
 
     def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
         """Reward, end and info of the only row."""

@@ -135,10 +135,17 @@ class Recorder:
     its stop; the others are answered as without it. It is named in a warning, once until it is reset. Any other
     exception of a shield that has answered before loses no episode either: every row brakes, with a warning.
     Its first call may raise: then something is wrong with how it was set up.
+
+    Args:
+        shield: the shield.
+        rows: N.
+        first: the plant's number of the first row, for warnings.
+        count: ``count_batch``, or what is the same.
     """
 
-    def __init__(self, shield: RecordedShield, rows: int):
+    def __init__(self, shield: RecordedShield, rows: int, first: int = 0, count: Callable = count_batch):
         self.shield, self._periods, self._has_answered = shield, 0, False
+        self._first, self._count = first, count
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
         self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
@@ -164,7 +171,7 @@ class Recorder:
             self._period = period
         self._shared["is_first"] = self._periods == 0
         kept = self._steps, self._watches, self._line, self._shared
-        surprised = count_batch(flat, snap, answer.numbers, *kept)
+        surprised = self._count(flat, snap, answer.numbers, *kept)
         if surprised >= 0 and not self._was_surprised:
             self._say_surprise(surprised)
         self._periods += 1
@@ -173,7 +180,9 @@ class Recorder:
     def _say_surprise(self, row: int) -> None:
         self._was_surprised = True
         off, most = (np.array2string(self._shared[name][0], precision=3) for name in ("off", "most"))
-        warnings.warn(SENTENCE.format(row=row, off=off, declared=most), RuntimeWarning, stacklevel=3)
+        warnings.warn(
+            SENTENCE.format(row=self._first + row, off=off, declared=most), RuntimeWarning, stacklevel=3
+        )
 
     def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
@@ -189,7 +198,7 @@ class Recorder:
         """The answer to the other rows, with rest at 0 in place of the bad ones, which brake."""
         for i in np.flatnonzero(bad & ~self._is_named).tolist():
             sentence = row_error(i, flat, obstacles.center, obstacles.radius)
-            warnings.warn(f"row {i} brakes: {sentence}", RuntimeWarning, stacklevel=4)
+            warnings.warn(f"row {self._first + i} brakes: {sentence}", RuntimeWarning, stacklevel=4)
         self._is_named |= bad
         flats, centers, radii, snaps = (x.copy() for x in (flat, obstacles.center, obstacles.radius, snap))
         for array in (flats, centers, radii, snaps):
@@ -239,8 +248,12 @@ class Recorder:
 
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
+        return summary_of(self.steps(), mask)
+
+    def steps(self) -> NDArray[np.void]:
+        """What was done to every row, (N,) ``STEP``, as it is."""
         self._open_where_nothing_flew()
-        return {key: self._steps[key].astype(TOLD[key]) for key in KEYS} | dict.fromkeys(MASKS, mask)
+        return self._steps
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""
@@ -254,3 +267,8 @@ class Recorder:
             opened = np.empty_like(self._steps)
             open_batch(opened)
             self._steps[self._begun] = opened[self._begun]
+
+
+def summary_of(steps: NDArray[np.void], mask: NDArray[np.bool_]) -> dict[str, NDArray]:
+    """What is told of rows (N,) ``STEP``, fresh arrays, and the mask behind every ``_key``."""
+    return {key: steps[key].astype(TOLD[key]) for key in KEYS} | dict.fromkeys(MASKS, mask)

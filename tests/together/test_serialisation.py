@@ -15,7 +15,7 @@ import quadsafe_env  # noqa: F401
 from quadsafe_env import Box, Conditions, Obstacles, QuadrotorParams, Sphere
 from quadsafe_env.pictures.camera import Camera
 from quadsafe_env.plain_spec import plain
-from quadsafe_env.settings import build_world
+from quadsafe_env.settings import build_worlds
 from quadsafe_env.vehicle.params import PRESETS
 from shields import Authority, ShieldWrapper, Uncertainty, VectorShieldWrapper
 
@@ -115,7 +115,7 @@ def shielded(name, keywords, shield):
 def test_the_table_has_every_keyword():
     named = {key for _, keywords in KEYWORDS.values() for key in keywords}
     # The id fixes the task, and a function is no JSON.
-    own = set(build_world.__kwdefaults__) - {"task", "reward"}
+    own = set(build_worlds.__kwdefaults__) - {"task", "reward"}
     assert named == own | {"render_mode", "max_episode_steps"}
 
 

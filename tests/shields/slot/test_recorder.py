@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from quadsafe_core.maths.feedback import held_gains
-from shields import Shield
+from shields import Obstacles, Shield
 from shields.interface.filtered import FIELDS, Filtered
 from shields.interface.row_checks import BRAKING_POLE
 from shields.slot.recorder import Recorder, braking_answer
@@ -184,3 +184,13 @@ def test_where_a_shield_raises_every_row_brakes():
     np.testing.assert_allclose(answer.correction, [2.0 * pull + 5.0, pull], rtol=1e-12)
     assert answer.fallback.all() and answer.intervened.all() and (answer.obstacle == -1).all()
     assert not answer.certified.any() and not answer.in_set.any() and (answer.value == -np.inf).all()
+
+
+def test_the_recorder_of_a_range_names_rows_as_the_plant_does():
+    flat = np.zeros((2, 4, 3))
+    spheres, snap = Obstacles.spheres(np.full((2, 1, 3), 9.0), np.ones((2, 1))), np.zeros((2, 3))
+    recorder = Recorder(Shield(), 2, first=32)
+    recorder.filter(flat, spheres, snap, 0.01)
+    flat[1, 0, 0] = np.nan
+    with pytest.warns(RuntimeWarning, match=r"^row 33 brakes: flat must be finite"):
+        recorder.filter(flat, spheres, snap, 0.01)
