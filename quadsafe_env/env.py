@@ -138,7 +138,8 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     By default the estimate is exact and every answer of the filter is flown at once, in
     still air, by the modelled vehicle. `conditions=` switches on noise, bias, delay, loss, wind, drag, wrong
     models, lag, jitter and impulses; ``quadsafe_env.tasks.conditions`` has the fields. Policy and filter then
-    see an estimate, while reward, cost and info stay true. ``conditions`` says what is on.
+    see an estimate, while reward, cost and info stay true. ``conditions`` says what is on. With
+    `lag_compensation="told"` the inner loop counts the rotors' lag.
 
     ### Keywords
     See ``quadsafe_env.settings.build_worlds``.

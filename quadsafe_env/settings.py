@@ -25,7 +25,7 @@ from quadsafe_env.signals.given import signals_from
 from quadsafe_env.signals.kinds import WORLDS
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
-from quadsafe_env.tasks.conditions import OFF, conditions_from
+from quadsafe_env.tasks.conditions import OFF, conditions_from, is_lag_told
 from quadsafe_env.tasks.gates import GatesTask
 from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
@@ -98,6 +98,7 @@ def build_worlds(
     boxes: int | None = None,
     rotor_limits: bool = False,
     conditions=None,
+    lag_compensation: str | bool = False,
     render_size: int = 480,
     camera=None,
     caption: str = "",
@@ -140,6 +141,7 @@ def build_worlds(
         rotor_limits: whether every rotor keeps to [0, thrust_max/4] (``quadsafe_env.vehicle.rotors``), and the
             desired yaw motion to ``quadsafe_env.vehicle.authority.yaw_range``.
         conditions: None, preset name, mapping of fields, or Conditions; see ``quadsafe_env.tasks.conditions``.
+        lag_compensation: "told" for an inner loop that counts the rotor lag of the conditions, or False.
         render_size: side of pictures, pixels, 32 to 2048.
         camera: where pictures are seen from: a mapping of some of azimuth, elevation (degrees), distance (m),
             follow, or Camera; see ``quadsafe_env.pictures.camera``. None shows the whole map.
@@ -190,8 +192,8 @@ def build_worlds(
         kept |= looks
     signals = signals_from(observation, reward, course, is_single, drawn.observed_count)
     kept |= {} if signals is None else {"signals": signals}
-    met = conditions_from(conditions)
-    kept |= {} if met == OFF else {"conditions": met}
+    met, told = conditions_from(conditions), is_lag_told(lag_compensation)
+    kept |= {} if met == OFF else {"conditions": met, "compensates_lag": told}
     kind = WORLDS[signals is not None, met != OFF, render_mode]
     return [kind(n, drawn, vehicle, **kept) for n in counts]
 

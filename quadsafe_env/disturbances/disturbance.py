@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from quadsafe_env.tasks.conditions import Conditions
+from quadsafe_env.tasks.conditions import Conditions, lag_interval
 
 # Choices: a gust of a second, short beside a flight, and one of them in every four seconds.
 GUST_LENGTH = 1.0  # s
@@ -27,8 +27,8 @@ class Disturbance(NamedTuple):
     gain: float
     mass_error: float
     inertia_error: float
-    lag_kept: float
-    lag_mean: float
+    lag: tuple[float, float]
+    dt: float
     jitter: float
     impulse: float
     impulse_chance: float
@@ -38,10 +38,8 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
     """Conditions as numbers of a control period and a physics step ``dt``, s.
 
     Over half a physics step drag and air turn v into ``half_drag v + half_push a``, the solution of
-    v̇ = a − drag v. Over a whole one the lag turns what it remembers, w, of the asked wrench u into
-    u + lag_kept (w − u), and gives u + lag_mean (w − u) in the mean, the solution of rotor_lag ẇ = u − w.
+    v̇ = a − drag v.
     """
-    lag = -math.expm1(-dt / c.rotor_lag) if c.rotor_lag > 0.0 else 1.0
     return Disturbance(
         noise=c[0:4],
         bias=c[4:8],
@@ -55,8 +53,8 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         gain=c.gain,
         mass_error=c.mass_error,
         inertia_error=c.inertia_error,
-        lag_kept=1.0 - lag,
-        lag_mean=lag * c.rotor_lag / dt,
+        lag=lag_interval(c),
+        dt=dt,
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),

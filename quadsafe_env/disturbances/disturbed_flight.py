@@ -17,6 +17,7 @@ from quadsafe_core.kernels.vec3 import add
 from quadsafe_core.maths.counter_rng import uniform
 from quadsafe_env.disturbances.disturbance import Disturbance
 from quadsafe_env.disturbances.draws import IMPULSE, JITTER, air_of, directed, period_key
+from quadsafe_env.disturbances.rotor_lag import asked_wrench, lagged
 from quadsafe_env.simulation.block import (
     CLIPPED,
     CRASH,
@@ -50,7 +51,6 @@ from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
-from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.rotors import limited_step
 from quadsafe_env.vehicle.state import THRUST, lane_state, store_lane
@@ -94,21 +94,6 @@ def struck(v, d, m):
     if uniform(key, n + IMPULSE, 0.0, 1.0) >= d.impulse_chance:
         return v
     return add(v, directed(key, n + IMPULSE + 1, d.impulse))
-
-
-@inline_kernel
-def lagged(asked, d, m):
-    """The wrench that the rotors of a row give in the mean of a physics step, and their lag at its end."""
-    kept = m["wrench"]
-    w = (kept[0], kept[1], kept[2], kept[3])
-    for k in range(4):
-        kept[k] = asked[k] + d.lag_kept * (w[k] - asked[k])
-    return (
-        asked[0] + d.lag_mean * (w[0] - asked[0]),
-        asked[1] + d.lag_mean * (w[1] - asked[1]),
-        asked[2] + d.lag_mean * (w[2] - asked[2]),
-        asked[3] + d.lag_mean * (w[3] - asked[3]),
-    )
 
 
 @inline_kernel
@@ -160,17 +145,17 @@ def load_flown(block, first, count, memory):
 def fly_row(block, lane, row, among, told, m):
     """Fly a row, in a lane, for a control period; it stays in its last sound state when it crashes.
 
-    ``among`` are the number of spheres and the ``Around`` of bodies, or None; ``told`` a ``Plant``, the rotors
+    ``among`` are the number of spheres and the ``Around`` of bodies, or None; ``told`` a ``Plant``, ``drive``
     and a ``Disturbance``; ``m`` the row's record of the dtype ``WEATHER``.
     """
-    plant, rotors, d = told
+    plant, (rotors, lead), d = told
     dt, steps = plant.dt, steps_of(plant.substeps, d, m)
     vehicle, air = true_vehicle(plant.params, m), air_of(dt * m["steps"], d, m)
     snap, yaw_acceleration = lane_triple(block, U(LANES * SNAP + lane)), block[LANES * YAW + lane]
     before = lane_state(block, U(lane))
     s = before[0:3] + struck(before[3:6], d, m) + before[6:20]
     for _ in range(steps):
-        given = lagged(held_wrench(s, snap, yaw_acceleration, plant.params, dt), d, m)
+        given = lagged(asked_wrench(s, snap, yaw_acceleration, plant, lead, m), m)
         after, is_clipped = limited_step(pushed(s, air, d), given, vehicle, rotors, dt)
         after = pushed(after, air, d)
         if is_clipped:
@@ -186,10 +171,11 @@ def fly_row(block, lane, row, among, told, m):
 
 
 @kernel
-def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_memory, weather):
+def advance_disturbed_batch(numbers, drive, closes, memory, scene_memory, body_memory, weather):
     """Hold what is flown for a control period, as ``advance_batch`` does; observations are not written.
 
-    ``numbers`` are a ``DisturbedPlant``, raveled; ``body_memory`` is that of ``SceneBodies``, or None among
+    ``numbers`` are a ``DisturbedPlant``, raveled; ``drive`` are the fields of ``Rotors`` and the numbers of
+    ``rotor_lag.lag_lead``, each None without; ``body_memory`` is that of ``SceneBodies``, or None among
     spheres at rest; ``weather`` is (N,) of the dtype ``WEATHER``.
     """
     (plant, d), rows = unraveled(numbers, DisturbedPlant), rows_in(borrowed(memory))
@@ -205,7 +191,7 @@ def advance_disturbed_batch(numbers, rotors, closes, memory, scene_memory, body_
         for lane in range(count):
             row = first + lane
             if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
-                fly_row(block, lane, row, (spheres, around), (plant, rotors, d), weather[row])
+                fly_row(block, lane, row, (spheres, around), (plant, drive, d), weather[row])
         if body_memory is None:
             close_period(block, gaps, first, count, spheres, plant, rows)
             if closes:

@@ -17,9 +17,10 @@ from quadsafe_env.disturbances.draws import (
     estimated_states,
     lost_batch,
 )
+from quadsafe_env.disturbances.rotor_lag import lag_lead
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.simulation.world import World
-from quadsafe_env.tasks.conditions import Conditions
+from quadsafe_env.tasks.conditions import Conditions, lag_interval
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.vehicle.actions import VelocityGains, velocity_gains
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -38,15 +39,29 @@ class DisturbedWorld(World):
         task: where they fly.
         params: the vehicle that the inner loop believes in.
         conditions: what they meet.
+        compensates_lag: whether the inner loop is told of the rotors' lag, and leads by it.
         settings: the keywords of ``World``.
     """
 
-    def __init__(self, n: int, task: Task, params: QuadrotorParams, *, conditions: Conditions, **settings: Any):
+    def __init__(
+        self,
+        n: int,
+        task: Task,
+        params: QuadrotorParams,
+        *,
+        conditions: Conditions,
+        compensates_lag: bool = False,
+        **settings: Any,
+    ):
         self.conditions = conditions
         super().__init__(n, task, params, **settings)
         met = disturbance(conditions, self.control_period, 1.0 / self.rates.physics)
         self._disturbance = raveled(met)
         self._disturbed_plant = np.concatenate([self._plant, self._disturbance])
+        # The middle of an interval is off by the least. Without a lead the kernels are compiled without it.
+        lag = 0.5 * sum(lag_interval(conditions))
+        lead = lag_lead(lag, 1.0 / self.rates.physics) if compensates_lag and lag > 0.0 else None
+        self._drive = (self._rotors, lead)
         # The other interfaces do not feed the estimate back.
         feeds_back = settings["action"] == "velocity"
         self._feedback = velocity_gains(self.control_period) if feeds_back else NO_FEEDBACK
@@ -86,7 +101,7 @@ class DisturbedWorld(World):
         self._deliver(snap)
         self._advance(
             self._disturbed_plant,
-            self._rotors,
+            self._drive,
             closes,
             self._memory,
             self._scene_memory,

@@ -15,13 +15,14 @@ from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.kernels.vec3 import add, norm, scale, vector, write3
 from quadsafe_core.maths.counter_rng import Key, derived_key, uniform
 from quadsafe_env.disturbances.disturbance import GUST_LENGTH, GUST_PERIOD, Disturbance
+from quadsafe_env.disturbances.rotor_lag import lag_of_step
 from quadsafe_env.tasks.conditions import TURBULENCE_LIMIT
 from quadsafe_env.vehicle.actions import velocity_feedback
 
 # Far beyond the counters of the scene and of the later episodes.
 STREAM = 1 << 30
 # Counters of the episode's draws; a bias takes two, a triple of normal numbers four, a gust three.
-BIAS, WIND, GAIN, MASS, INERTIA, CALM, GUSTS = 0, 8, 10, 11, 12, 13, 32
+BIAS, WIND, GAIN, MASS, INERTIA, CALM, LAG, GUSTS = 0, 8, 10, 11, 12, 13, 17, 32
 # Counters of a control period's draws, of which there are at most this many; an error takes three.
 PER_PERIOD = 32
 ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
@@ -36,10 +37,13 @@ ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 # | gain       |          | snap flown over snap answered                                           |
 # | mass       |          | true over believed mass                                                 |
 # | inertia    |          | true over believed moments of inertia                                   |
+# | lag        | 2        | of what a physics step begins with, the shares at its end and in its    |
+# |            |          | mean that rotors still give                                             |
 # | periods    |          | control periods flown in the episode                                    |
 # | steps      |          | physics steps flown in the episode                                      |
 # | turbulence | 3        | the Gauss–Markov noise, before its limit, m/s²                          |
 # | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
+# | believed   | 4        | the lagged wrench as an inner loop that is told of the lag counts it    |
 # | through    | 4        | snap, m/s⁴, and yaw acceleration, rad/s², that got through last         |
 # | flown      | 4        | snap and yaw acceleration that are flown in this period                 |
 WEATHER = np.dtype(
@@ -50,10 +54,12 @@ WEATHER = np.dtype(
         ("gain", np.float64),
         ("mass", np.float64),
         ("inertia", np.float64),
+        ("lag", np.float64, 2),
         ("periods", np.int64),
         ("steps", np.int64),
         ("turbulence", np.float64, 3),
         ("wrench", np.float64, 4),
+        ("believed", np.float64, 4),
         ("through", np.float64, 4),
         ("flown", np.float64, 4),
     ]
@@ -150,7 +156,7 @@ def draw_rows(rows, words, numbers, weather, line):
         keys = m["keys"]
         keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
         m["periods"], m["steps"] = 0, 0
-        m["wrench"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0
+        m["wrench"][:], m["believed"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0, 0.0
         for order in range(4):
             write3(m["bias"][order], directed(key, BIAS + 2 * order, d.bias[order]))
         write3(m["wind"], directed(key, WIND, d.wind))
@@ -158,6 +164,8 @@ def draw_rows(rows, words, numbers, weather, line):
         m["gain"] = uniform(key, GAIN, 1.0 - d.gain, 1.0 + d.gain)
         m["mass"] = uniform(key, MASS, 1.0 - d.mass_error, 1.0 + d.mass_error)
         m["inertia"] = uniform(key, INERTIA, 1.0 - d.inertia_error, 1.0 + d.inertia_error)
+        lag = m["lag"]
+        lag[0], lag[1] = lag_of_step(uniform(key, LAG, d.lag[0], d.lag[1]), d.dt)
 
 
 @kernel

@@ -18,7 +18,8 @@
 | `gain`               | –       | (1 + e) times the snap is flown, e in [−gain, gain], one for an episode   |
 | `mass_error`         | –       | true over believed mass in [1 − e, 1 + e], one factor for an episode      |
 | `inertia_error`      | –       | the same for the three moments of inertia together                        |
-| `rotor_lag`          | s       | time constant of a first-order lag of the wrench (F_z, τ)                 |
+| `rotor_lag`          | s       | time constant of a first-order lag of the wrench (F_z, τ), or [least,     |
+|                      |         | greatest] of one that is drawn for an episode                             |
 | `jitter`             | –       | length of a control period over its nominal length in [1 − j, 1 + j], in  |
 |                      |         | whole physics steps, at least one                                         |
 | `impulse`            | m/s     | length of a sudden change of the velocity in a random direction           |
@@ -34,7 +35,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from quadsafe_core.checks import checked_when_made, non_negative_number, one_of
+from quadsafe_core.checks import checked_when_made, exact_array, non_negative_number, one_of
 from quadsafe_core.presets import from_mapping, from_sequence
 
 PROBABILITIES = ("loss",)
@@ -52,17 +53,27 @@ def _checked(conditions: "Conditions") -> "Conditions":
     return checked
 
 
-def _field(name: str, value: Any) -> float | int:
+def _field(name: str, value: Any) -> float | int | tuple[float, float]:
     if name == "delay":
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 0:
             raise ValueError(f"delay must be an integer >= 0, got {value!r}")
         return int(value)
+    if name == "rotor_lag" and isinstance(value, tuple | list | np.ndarray):
+        return _interval(name, value)
     number = non_negative_number(name, value)
     if name in PROBABILITIES and number > 1.0:
         raise ValueError(f"{name} must be in [0, 1], got {value!r}")
     if name in FRACTIONS and number >= 1.0:
         raise ValueError(f"{name} must be in [0, 1), got {value!r}")
     return number
+
+
+def _interval(name: str, value: Any) -> float | tuple[float, float]:
+    """A number for an interval of one."""
+    low, high = exact_array(name, value, (2,)).tolist()
+    if not 0.0 <= low <= high:
+        raise ValueError(f"{name} must be [least, greatest] with 0 <= least <= greatest, got {value!r}")
+    return low if low == high else (low, high)
 
 
 @checked_when_made(_checked)
@@ -89,7 +100,7 @@ class Conditions(NamedTuple):
     gain: float = 0.0
     mass_error: float = 0.0
     inertia_error: float = 0.0
-    rotor_lag: float = 0.0
+    rotor_lag: float | tuple[float, float] = 0.0
     jitter: float = 0.0
     impulse: float = 0.0
     impulse_rate: float = 0.0
@@ -163,6 +174,19 @@ def conditions_from(value: "str | Mapping | Conditions | list | tuple | None") -
     raise TypeError(f"conditions must be a preset name, a mapping or Conditions, got {value!r}")
 
 
+def lag_interval(conditions: Conditions) -> tuple[float, float]:
+    """Least and greatest time constant of the rotors, s."""
+    lag = conditions.rotor_lag
+    return lag if isinstance(lag, tuple) else (lag, lag)
+
+
+def is_lag_told(value: "str | bool") -> bool:
+    """Whether the inner loop is told of the lag, from the keyword ``lag_compensation``, "told" or False."""
+    if value is False or value == "told":
+        return bool(value)
+    raise ValueError(f'lag_compensation must be "told" or False, got {value!r}')
+
+
 def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:
     """Bounds of what the conditions do to the flat state, by the names of ``shields.Uncertainty``.
 
@@ -182,7 +206,7 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         ValueError: for rotor lag, jitter or impulses, which have no such bounds.
     """
     for name in UNBOUNDED:
-        if getattr(conditions, name) > 0.0:
+        if getattr(conditions, name) != 0.0:
             raise ValueError(f"{name} must be 0 for bounds of what the conditions do, got {conditions}")
     met = conditions
     air = met.wind + met.gust + TURBULENCE_LIMIT * met.turbulence + met.drag * speed

@@ -49,17 +49,22 @@ def flat_from_state(s, params):
 
 
 @inline_kernel
-def snap_from_wrench_kernel(s, wrench, params):
-    """(31), second line with its dots: the snap r⁗ that a wrench gives."""
+def body_snap_from_wrench(s, wrench, params):
+    """(31), second line with its dots: the snap r⁗ that a wrench gives, in body axes, and ω̇_z."""
     x, y, z = omega_of(s)
     m, f, df = params.mass, s[THRUST], s[THRUST_RATE]
     spin = angular_acceleration((x, y, z), wrench[1:4], params)
-    body = (
+    return (
         (2.0 * df * y + f * (spin[1] + x * z)) / m,
         (-2.0 * df * x + f * (y * z - spin[0])) / m,
         (wrench[0] - f * (x * x + y * y)) / m,
-    )
-    return to_world(s, body)
+    ), spin[2]
+
+
+@inline_kernel
+def snap_from_wrench_kernel(s, wrench, params):
+    """(31), second line with its dots: the snap r⁗ that a wrench gives."""
+    return to_world(s, body_snap_from_wrench(s, wrench, params)[0])
 
 
 @inline_kernel

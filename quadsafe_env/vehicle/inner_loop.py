@@ -9,13 +9,23 @@ t, ζ = ż_B and α = z̈_B across the thrust, in body axes, and ω̇ from (35) 
 
 The wrench is that of the snap u − κ δ/2 at the start of the step δ: half a step earlier on the same slope, so
 the mean over the step is u but for terms of second order in δ. ``inner_loop_error`` bounds what is left.
+
+Rotors that lag, T ẇ = u_w − w, let the snap lag with a disturbance: m s = B(x) w + c(x), so for the wrench u_w
+of a snap u
+
+    T ṡ = u − s + T η        η = (Ḃ w + ċ)/m, which is the crackle κ under a held w
+
+A loop that knows T asks for the snap u − θκ. In the mean of a step the rotors give the share μ of what they
+gave before it and 1 − μ of what is asked, so θ = δ/(2 (1 − μ)) leaves the mean snap μ s + (1 − μ) u of the
+chain alone, to second order in δ. θ is T for δ ≪ T, and δ/2, the lead above, for T ≪ δ.
 """
 
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import fma
-from quadsafe_env.vehicle.flatness import wrench_from_body_snap
+from quadsafe_env.vehicle.flatness import body_snap_from_wrench, wrench_from_body_snap
+from quadsafe_env.vehicle.rigid_body import angular_acceleration
 from quadsafe_env.vehicle.state import THRUST, THRUST_RATE, omega_of, to_body
 
 
@@ -52,3 +62,31 @@ def held_wrench(s, snap, yaw_acceleration, params, dt):
     x, y, _ = omega_of(s)
     x, y = fma(-half, wx, x), fma(-half, wy, y)
     return wrench_from_body_snap(s, earlier, yaw_acceleration, x * y, params)
+
+
+@inline_kernel
+def coasted(s, wrench, params, t):
+    """The state with its thrust and body rates as they are a time t later, to first order."""
+    x, y, z = omega_of(s)
+    wx, wy, wz = angular_acceleration((x, y, z), wrench[1:4], params)
+    thrust, rate = fma(t, s[THRUST_RATE], s[THRUST]), fma(t, wrench[0], s[THRUST_RATE])
+    return (*s[0:15], fma(t, wx, x), fma(t, wy, y), fma(t, wz, z), thrust, rate)
+
+
+@inline_kernel
+def leading_wrench(s, snap, yaw_acceleration, given, lag, params):
+    """The wrench to ask of rotors that lag, so that snap and ω̇_z lag behind what is wanted and do no more.
+
+    ``given`` is the wrench that the rotors give now, ``lag`` the share μ, the lead θ, s, and half a step, s.
+    """
+    mean, lead, half = lag
+    u = to_body(s, snap)
+    now, turn = body_snap_from_wrench(s, given, params)
+    met = (fma(mean, now[0] - u[0], u[0]), fma(mean, now[1] - u[1], u[1]), fma(mean, now[2] - u[2], u[2]))
+    # The rotors lag for so long that what κ changes by in half a step counts.
+    middle = coasted(s, given, params, half)
+    k, (wx, wy) = crackle(middle, met, fma(mean, turn - yaw_acceleration, yaw_acceleration), params)
+    earlier = (fma(-lead, k[0], u[0]), fma(-lead, k[1], u[1]), fma(-lead, k[2], u[2]))
+    x, y, _ = omega_of(s)
+    product = fma(x, y, lead * fma(wx, y, x * wy))
+    return wrench_from_body_snap(s, earlier, yaw_acceleration, product, params)

@@ -1,0 +1,227 @@
+"""Rotors that lag, and an inner loop that is told so: the snap lags behind the asked one and no more."""
+
+import json
+import math
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.envs.registration import EnvSpec
+
+import quadsafe_env  # noqa: F401
+from quadsafe_env.disturbances.rotor_lag import after_lag, lag_lead, lag_of_step
+from quadsafe_env.simulation.world import Passed
+from quadsafe_env.tasks.conditions import Conditions
+from quadsafe_env.vehicle.actions import INTERFACES
+from quadsafe_env.vehicle.flatness import flat_from_state, snap_from_wrench_kernel, wrench_from_snap_kernel
+from quadsafe_env.vehicle.inner_loop import crackle, held_wrench, leading_wrench
+from quadsafe_env.vehicle.params import PRESETS, params_from
+from quadsafe_env.vehicle.rigid_body import rk4_step
+from quadsafe_env.vehicle.state import to_body, to_world
+
+VEHICLES = {"crazyflie": PRESETS["crazyflie"], "unequal": params_from({"inertia": [1.4e-5, 1.0e-5, 2.0e-5]})}
+LAGS = (0.01, 0.0375, 0.072)
+
+
+def random_body(rng, params):
+    """A state at a thrust from 4 m/s² on that turns fast, a wrench that rotors give, one that they are asked."""
+    s, thrust = np.zeros(20), 4.0 + rng.exponential(4.0)
+    Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    s[6:15] = (Q * np.sign(np.linalg.det(Q))).reshape(-1)
+    s[15:18], s[18:20] = 4.0 * rng.normal(size=3), params.mass * np.array([thrust, 20.0 * rng.normal()])
+    s = tuple(s.tolist())
+    given, asked = (
+        wrench_from_snap_kernel(s, tuple(200.0 * rng.normal(size=3)), 20.0 * rng.normal(), params)
+        for _ in range(2)
+    )
+    return s, given, asked
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("T", LAGS)
+@pytest.mark.parametrize("name", VEHICLES)
+def test_the_lag_of_the_wrench_disturbs_the_snap_by_the_crackle(name, T):
+    params, rng, h = VEHICLES[name], np.random.default_rng(0), 1e-5
+    for _ in range(20):
+        s, given, asked = random_body(rng, params)
+        ends = []
+        for t in (h, -h):
+            kept, mean = math.exp(-t / T), T / t * -math.expm1(-t / T)
+            after = rk4_step(s, after_lag(asked, given, mean), params, t)
+            ends.append(snap_from_wrench_kernel(after, after_lag(asked, given, kept), params))
+        slope = np.subtract(*ends) / (2.0 * h)
+        snap, wanted = (np.array(snap_from_wrench_kernel(s, w, params)) for w in (given, asked))
+        x, y, _ = s[15:18]
+        Jx, Jy, Jz = params.inertia
+        turn = (given[3] + (Jx - Jy) * x * y) / Jz
+        eta = to_world(s, crackle(s, to_body(s, tuple(snap)), turn, params)[0])
+        np.testing.assert_allclose((wanted - snap) / T + eta, slope, rtol=1e-5, atol=1.0)
+
+
+def left(params, T, dt, told, count=200):
+    """Mean disturbance of a chain with the lag T in a step of a loop that is told of another or of 0, m/s⁴."""
+    rng, total, mean = np.random.default_rng(1), 0.0, lag_of_step(T, dt)[1]
+    lag = (*lag_lead(told, dt)[1:], 0.5 * dt)
+    for _ in range(count):
+        s, given, _ = random_body(rng, params)
+        snap = np.array(snap_from_wrench_kernel(s, given, params))
+        u = tuple(snap + 50.0 * rng.normal(size=3))
+        law = leading_wrench(s, u, 3.0, given, lag, params)
+        asked = law if told > 0.0 else held_wrench(s, u, 3.0, params, dt)
+        after = s
+        for _ in range(4):
+            after = rk4_step(after, after_lag(asked, given, mean), params, dt / 4)
+        gain = np.subtract(flat_from_state(after, params)[3], flat_from_state(s, params)[3]) / dt
+        total += float(np.linalg.norm(gain - mean * snap - (1.0 - mean) * np.array(u))) / (1.0 - mean)
+    return total / count
+
+
+@pytest.mark.parametrize("T", LAGS)
+@pytest.mark.parametrize("name", VEHICLES)
+def test_a_step_of_a_loop_that_is_told_flies_the_mean_of_the_lagged_chain(name, T):
+    params = VEHICLES[name]
+    coarse, fine = (left(params, T, dt, T) for dt in (1e-3, 5e-4))
+    untold = left(params, T, 1e-3, 0.0)
+    assert coarse < 0.005 * untold
+    # A wrong lag leaves that part of what it is wrong by.
+    for wrong in (0.8, 1.2):
+        assert left(params, T, 1e-3, wrong * T) == pytest.approx(0.2 * untold, rel=0.05)
+    # What is left over T is of the second order in the step, over 1 − μ ≈ δ/2T of the first.
+    assert 1.7 < coarse / fine < 2.3
+
+
+@pytest.mark.interpreted
+def test_the_lead_is_the_time_constant_or_half_a_step():
+    assert lag_lead(1.0, 1e-4) == pytest.approx((1.0 - 1e-4, 1.0 - 5e-5, 1.0), rel=1e-4)
+    assert lag_lead(1e-9, 0.002) == pytest.approx((0.0, 5e-7, 0.001), rel=1e-6)
+    assert lag_of_step(0.0, 0.002) == (0.0, 0.0)
+
+
+class Followed:
+    """A filter that changes nothing and flies the bare lagged chain from rest beside the body."""
+
+    def __init__(self, n, T):
+        self.flat, self.s, self.T = None, np.zeros((n, 3)), T
+
+    def filter(self, flat, obstacles, snap, period):
+        if self.flat is None:
+            self.flat = flat.copy()
+        # Finely enough for what is asked here.
+        dt = period / 100
+        for _ in range(100):
+            s = snap + (self.s - snap) * math.exp(-dt / self.T)
+            mean, self.s = snap + (self.s - snap) * self.T / dt * -math.expm1(-dt / self.T), s
+            r, v, a, j = self.flat.transpose(1, 0, 2)
+            self.flat = np.stack(
+                [
+                    r + dt * (v + dt * (a / 2 + dt * (j / 6 + dt * mean / 24))),
+                    v + dt * (a + dt * (j / 2 + dt * mean / 6)),
+                    a + dt * (j + dt * mean / 2),
+                    j + dt * mean,
+                ],
+                axis=1,
+            )
+        return Passed(snap.copy())
+
+    def reset(self, mask):
+        self.flat = None
+
+
+def off_chain(action, T, n=4, steps=12, **keywords):
+    """Largest distance, m/s² and m/s³, from the lagged chain over 0.48 s of random commands."""
+    env = gymnasium.make_vec(
+        "QuadSafe/Avoid-v0", n, action=action, obstacles=[], conditions={"rotor_lag": T}, **keywords
+    ).unwrapped
+    env.reset(seed=0)
+    env.snap_filter = chain = Followed(n, T)
+    rng, most = np.random.default_rng(2), np.zeros(2)
+    for _ in range(steps):
+        info = env.step(rng.uniform(-1, 1, (n, 4)).astype(np.float32))[4]
+        assert not info["crash"].any()
+        most = np.maximum(most, np.abs(env.flat_state() - chain.flat)[:, 2:].max(axis=(0, 2)))
+    return most
+
+
+@pytest.mark.parametrize("action", INTERFACES)
+def test_every_interface_flies_the_lagged_chain_if_the_loop_is_told(action):
+    told, untold = off_chain(action, 0.0375, lag_compensation="told"), off_chain(action, 0.0375)
+    assert (told < 0.08 * untold).all()
+
+
+# The lag of a row
+
+
+def vector(n, lag, **keywords):
+    env = gymnasium.make_vec("QuadSafe/Avoid-v0", n, conditions={"rotor_lag": lag}, **keywords)
+    env.reset(seed=0)
+    return env.unwrapped
+
+
+def test_a_lag_of_an_interval_is_drawn_for_an_episode():
+    n, (low, high) = 400, (0.02, 0.06)
+    env = vector(n, (low, high))
+    lags = -0.002 / np.log(env._world._weather["lag"][:, 0])
+    assert low <= lags.min() < low + 0.002 and high - 0.002 < lags.max() < high
+    assert lags.mean() == pytest.approx(0.5 * (low + high), abs=0.002)
+    one = gymnasium.make("QuadSafe/Avoid-v0", conditions={"rotor_lag": [low, high]}).unwrapped
+    for k in (3, 7, 3):
+        one.reset(seed=k)
+        assert -0.002 / np.log(one._world._weather["lag"][0, 0]) == lags[k]
+
+
+@pytest.mark.parametrize("told", [False, "told"])
+def test_an_interval_of_one_number_is_that_number_and_a_row_is_the_single_env(told):
+    keywords = {"lag_compensation": told, "action": "rates"}
+    many, interval = vector(3, 0.03, **keywords), vector(3, [0.03, 0.03], **keywords)
+    assert many.conditions == interval.conditions
+    single = gymnasium.make("QuadSafe/Avoid-v0", conditions={"rotor_lag": 0.03}, **keywords).unwrapped
+    single.reset(seed=1)
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        actions = rng.uniform(-1, 1, (3, 4)).astype(np.float32)
+        many.step(actions)
+        interval.step(actions)
+        single.step(actions[1])
+        assert (many.state == interval.state).all()
+        assert (single.state == many.state[1]).all()
+
+
+def test_a_loop_that_is_told_of_no_lag_is_the_plain_one_bit_for_bit():
+    keywords = {"action": "snap", "conditions": {"wind": 0.3}}
+    told, plain = (
+        gymnasium.make("QuadSafe/Avoid-v0", lag_compensation=told, **keywords).unwrapped
+        for told in ("told", False)
+    )
+    told.reset(seed=0)
+    plain.reset(seed=0)
+    for _ in range(10):
+        told.step([0.1, -0.2, 0.1, 0.3])
+        plain.step([0.1, -0.2, 0.1, 0.3])
+        assert (told.state == plain.state).all()
+    gymnasium.make("QuadSafe/Avoid-v0", lag_compensation="told")
+
+
+def test_an_interval_goes_through_a_spec():
+    keywords = {"conditions": Conditions(rotor_lag=(0.02, 0.06)), "lag_compensation": "told"}
+    env = gymnasium.make("QuadSafe/Avoid-v0", **keywords)
+    again = gymnasium.make(EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.conditions == env.unwrapped.conditions
+    assert json.loads(json.dumps(env.unwrapped.conditions))[17] == [0.02, 0.06]
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("keywords", "sentence"),
+    [
+        ({"lag_compensation": "yes"}, r'lag_compensation must be "told" or False, got \'yes\''),
+        ({"lag_compensation": True}, r'lag_compensation must be "told" or False, got True'),
+        (
+            {"conditions": {"rotor_lag": (0.04, 0.02)}},
+            r"rotor_lag must be \[least, greatest\] with 0 <= least <= greatest, got \(0.04, 0.02\)",
+        ),
+        ({"conditions": {"rotor_lag": [0.1, 0.2, 0.3]}}, r"rotor_lag must have shape \(2,\), got \(3,\)"),
+    ],
+)
+def test_what_is_no_lag_is_refused(keywords, sentence):
+    with pytest.raises(ValueError, match=f"^{sentence}$"):
+        gymnasium.make("QuadSafe/Avoid-v0", **keywords)
