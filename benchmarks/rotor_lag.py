@@ -4,12 +4,12 @@
     python benchmarks/rotor_lag.py --told 1.2     an inner loop that is told 1.2 T
     python benchmarks/rotor_lag.py --thrust 1     flights down to a specific thrust of 1 m/s²
 
-A Crazyflie at 500 Hz flies snaps of 200 m/s⁴, in control periods of 10 ms in the direction that the law of the
-velocity interface asks for at the lead state r + T ṙ, after velocities of up to 5 m/s an axis, new in every
-half second. A flight begins again at hover after 2 s, or where the specific thrust falls below 4 m/s². For
-every physics step, with u asked for, s flown at first and the mean s̄ flown, ‖s̄ − u‖ is what a plant that does
-not know the lag is off, and the norm of d = (s̄ − μ s − (1 − μ) u)/(1 − μ) what the chain T ṡ = u + d − s is
-disturbed by.
+A Crazyflie at 500 Hz flies snaps of 200 m/s⁴, in control periods of 10 ms in the direction that the law
+of the velocity interface asks for at the lead state r + T ṙ, after velocities of up to 5 m/s an axis, new in
+every half second. A flight begins again at hover after 2 s, or where the specific thrust falls below 4 m/s².
+For every physics step, with u asked for, s flown at first and the mean s̄ flown, ‖s̄ − u‖ is what a plant that
+does not know the lag is off, and the norm of d = (s̄ − μ s − (1 − μ) u)/(1 − μ) what the lagged chain
+T ṡ = u + d − s is disturbed by.
 """
 
 import argparse
@@ -34,7 +34,7 @@ LAGS = (0.01, 0.02, 0.0375, 0.072)
 
 
 class Pilot(NamedTuple):
-    """The vehicle and its clock, as ``asked_wrench`` reads them; its pilot; its lag, s; where it ends, m/s²."""
+    """The vehicle and its clock, as ``asked_wrench`` reads them; its pilot; its lag, s; its end, m/s²."""
 
     params: QuadrotorParams
     dt: float

@@ -24,7 +24,7 @@ LAGS = (0.01, 0.0375, 0.072)
 
 
 def random_body(rng, params):
-    """A state at a thrust from 4 m/s² on that turns fast, a wrench that rotors give, one they are asked."""
+    """A state at a thrust from 4 m/s² on that turns fast, a wrench that it has, one that is asked for."""
     s, thrust = np.zeros(20), 4.0 + rng.exponential(4.0)
     Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     s[6:15] = (Q * np.sign(np.linalg.det(Q))).reshape(-1)
