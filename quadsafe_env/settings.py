@@ -8,14 +8,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import (
-    exact_array,
-    keywords_of,
-    known_keywords,
-    one_of,
-    positive_integer,
-    real_array,
-)
+from quadsafe_core.checks import exact_array, keywords_of, known_keywords, one_of, positive_integer, real_array
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import Obstacles, shapes_from
 from quadsafe_env.pictures.camera import camera_from, picture_size, text
