@@ -3,19 +3,26 @@
     python benchmarks/lag.py                       the distances, and 200,000 attacked steps of each form
     python benchmarks/lag.py --steps 5000000       as the page has it
     python benchmarks/lag.py --forms exact --order 3
+    python benchmarks/lag.py --flights 400         the shield: flights of each lag, rate and kind of body
 
 A step counts as violated where x_n falls below its bound within the period, or must fall below it later,
 whatever the input. The lag of an interval is switched against the filter, or at random, before every period.
 """
 
 import argparse
+import time
 from collections.abc import Callable
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from safety_campaign.chain import ChainAttack, random_states
+from uncertain.chain_flights import fly
+from uncertain.chain_flights import start as start_of_flights
 
+from quadsafe_core.shapes import Obstacles
+from shields import Shield, Uncertainty
 from shields.chains.integrator import lower_value
 from shields.chains.lagged import lagged_flow, lagged_lower_value
 from shields.filters.lagged_held import sampled_lagged_input, sampled_lagged_value
@@ -152,13 +159,51 @@ def print_distances(count: int, seed: int) -> None:
         print(f"T = {1e3 * lag:4.1f} ms: {means}", flush=True)
 
 
+def attack_shield(lag: float, rate: int, edge: float, flights: int) -> None:
+    """Flights of chains that the shield is told the lag of, and of as many that it is not."""
+    lagged, body = Uncertainty(rotor_lag=lag), "cubes" if edge else "spheres"
+    for declared in (lagged, None):
+        found = fly(declared, lagged, rate, flights, 0, edge)
+        print(
+            f"{body:7} T = {1e3 * lag:4.1f} ms {rate:3} Hz "
+            f"{'told' if declared else 'not told':8} {found.steps:9,} steps: "
+            f"{found.violated_steps:6,} violated, in {found.violated_episodes} of {flights} flights; "
+            f"{found.uncertified} without a certificate; "
+            f"least {found.clearance.min():.1e} m; {found.speed.mean():.1f} m/s",
+            flush=True,
+        )
+
+
+def time_calls(calls: int) -> None:
+    """Median µs of a call for one vehicle among three spheres, with a lag and without, in turn."""
+    rng, told = np.random.default_rng(0), {"no lag": None, "rotor_lag": {"rotor_lag": 0.0375}}
+    shields = {name: Shield(uncertainty=given) for name, given in told.items()}
+    times: dict[str, list[float]] = {name: [] for name in told}
+    x, center, radius = start_of_flights(rng, calls)
+    x[:, 1:] = rng.normal(size=(calls, 3, 3)) * [[[1.0], [3.0], [10.0]]]
+    snap = 100.0 * rng.normal(size=(calls, 3))
+    for i in range(calls):
+        spheres = Obstacles.spheres(center[i], radius[i])
+        for name, shield in shields.items():
+            begin = time.thread_time_ns()
+            shield.filter(x[i], spheres, snap[i], 0.01)
+            times[name].append(1e-3 * (time.thread_time_ns() - begin))
+    print(", ".join(f"{name} {np.median(found):.1f} µs" for name, found in times.items()))
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--steps", type=int, default=200_000, help="of each form")
     parser.add_argument("--forms", nargs="*", default=list(FORMS), choices=FORMS)
     parser.add_argument("--order", type=int, default=4, choices=range(1, 5))
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--flights", type=int, default=0, help="of the shield")
     options = parser.parse_args()
+    if options.flights:
+        time_calls(20 * options.flights)
+        for edge, lag, rate in product((0.0, 0.6), (0.01, 0.02, 0.0375, 0.05, 0.072), (50, 100, 200)):
+            attack_shield(lag, rate, edge, options.flights)
+        return
     print_distances(100_000, options.seed)
     for form in options.forms:
         attack_form(form, options.order, options.steps, options.seed)

@@ -1,4 +1,6 @@
-"""Vehicles as bare chains among spheres, attacked by the policy and by every error a shield may be told of.
+"""Vehicles as bare chains among bodies, attacked by the policy and by every error a shield may be told of.
+
+A body is a sphere, or a cube with round edges: a share ``edge`` of its radius is the half edge of its core.
 
 The truth flies; the shield sees the estimate. Between samples it is looked at too.
 """
@@ -9,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.maths.feedback import held_gains
-from quadsafe_core.shapes import Obstacles
+from quadsafe_core.maths.lag import lag_shares
+from quadsafe_core.shapes import Box, Obstacles
 from shields import Shield, Uncertainty
 
 Array = NDArray[np.float64]
@@ -42,19 +45,37 @@ class Found(NamedTuple):
 def scaled(bounds: Uncertainty, factor: float) -> Uncertainty:
     """The bounds times a factor; a delay in whole periods."""
     numbers = {name: factor * getattr(bounds, name) for name in Uncertainty._fields[:7]}
-    return bounds._replace(**numbers, delay=round(factor * bounds.delay))
+    return bounds._replace(**numbers, delay=round(factor * bounds.delay), rotor_lag=factor * bounds.rotor_lag)
 
 
-def moved(x: Array, snap: Array, wind: Array, t: float) -> Array:
-    """Flat states (N, 4, 3) after a time under snap and wind."""
+def moved(x: Array, snaps: list[Array], wind: Array, t: float) -> Array:
+    """Flat states (N, 4, 3) after a time under wind and the snap that each order is as if it had been held."""
     r, v, a, j = np.moveaxis(x, 1, 0)
     rows = (
-        r + t * (v + t * ((a + wind) / 2 + t * (j / 6 + t * snap / 24))),
-        v + t * (a + wind + t * (j / 2 + t * snap / 6)),
-        a + t * (j + t * snap / 2),
-        j + t * snap,
+        r + t * (v + t * ((a + wind) / 2 + t * (j / 6 + t * snaps[4] / 24))),
+        v + t * (a + wind + t * (j / 2 + t * snaps[3] / 6)),
+        a + t * (j + t * snaps[2] / 2),
+        j + t * snaps[1],
     )
     return np.stack(rows, axis=1)
+
+
+class Rotors:
+    """What the vehicles are at of their snap (N, 3), m/s⁴, behind a lag, s, from 0."""
+
+    def __init__(self, n: int, lag: float):
+        self._lag, self._snap = lag, np.zeros((n, 3))
+
+    def snaps(self, asked: Array, push: Array, t: float) -> list[Array]:
+        """For the 0- to 4-fold integral, what a held snap would be that does the same in a time t."""
+        if not self._lag > 0.0:
+            return [asked + push] * 5
+        shares = [lag_shares(k, t, self._lag) for k in range(5)]
+        return [old * self._snap + new * asked + push for old, new in shares]
+
+    def follow(self, asked: Array, t: float) -> None:
+        """Move on by a time t."""
+        self._snap = self.snaps(asked, np.zeros_like(asked), t)[0]
 
 
 class Errors:
@@ -126,17 +147,40 @@ def start(rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
     return x, center, rng.uniform(0.25, 0.45, (n, SPHERES))
 
 
-def nearest_away(x: Array, center: Array, radius: Array) -> Array:
-    """Unit vectors (N, 3) away from the sphere that is nearest."""
-    gap = x[:, None, 0] - center
-    distance = np.linalg.norm(gap, axis=2)
-    k = np.argmin(distance - radius, axis=1)
-    rows = np.arange(len(x))
-    return gap[rows, k] / np.maximum(distance[rows, k], 1e-9)[:, None]
+def bodies_at(center: Array, radius: Array, edge: float) -> Obstacles:
+    """Spheres (N, K), or the cubes in them whose round edges have the rest of the radius."""
+    if edge == 0.0:
+        return Obstacles.spheres(center, radius)
+    sizes = 2.0 * edge * radius
+    cubes = [
+        [Box(c, [size] * 3) for c, size in zip(*world, strict=True)]
+        for world in zip(center, sizes, strict=True)
+    ]
+    return Obstacles(center, (1.0 - edge) * radius, None, Obstacles.pack(cubes).cores)
+
+
+def ways_out(r: Array, center: Array, radius: Array, edge: float) -> tuple[Array, Array]:
+    """From the core of every body to positions (N, 3): (N, K, 3), m, and the distance from its side (N, K)."""
+    gap, half = r[:, None] - center, (edge * radius)[..., None]
+    out = gap - np.clip(gap, -half, half)
+    return out, np.linalg.norm(out, axis=2) - (1.0 - edge) * radius
+
+
+def nearest_away(x: Array, center: Array, radius: Array, edge: float) -> Array:
+    """Unit vectors (N, 3) away from the body that is nearest."""
+    out, distance = ways_out(x[:, 0], center, radius, edge)
+    k, rows = np.argmin(distance, axis=1), np.arange(len(x))
+    return out[rows, k] / np.maximum(np.linalg.norm(out[rows, k], axis=1), 1e-9)[:, None]
 
 
 def fly(
-    declared: Uncertainty | None, actual: Uncertainty, rate: int, n: int, seed: int, **settings: Any
+    declared: Uncertainty | None,
+    actual: Uncertainty,
+    rate: int,
+    n: int,
+    seed: int,
+    edge: float = 0.0,
+    **settings: Any,
 ) -> Found:
     """One batch of n episodes of ``SECONDS`` each at a control rate, Hz.
 
@@ -146,35 +190,37 @@ def fly(
         rate: Hz.
         n: number of vehicles.
         seed: of everything random.
+        edge: share of a radius that is the half edge of a cube, 0 for spheres.
         settings: of the ``Shield``.
     """
     rng, period = np.random.default_rng([seed, rate]), 1.0 / rate
     x, center, radius = start(rng, n)
-    spheres = Obstacles.spheres(center, radius)
+    bodies = bodies_at(center, radius, edge)
     shield = Shield(**settings) if declared is None else Shield(uncertainty=declared, **settings)
     errors, policy = Errors(rng, n, actual, period), Policy(rng, n, center, period)
     queue = np.zeros((n, actual.delay + 1, 3))
-    got_through = np.zeros((n, 3))
+    got_through, rotors = np.zeros((n, 3)), Rotors(n, actual.rotor_lag)
     steps = round(SECONDS * rate)
     clearance, speed = np.full(n, np.inf), np.zeros(n)
     bad_steps = uncertified = changed = stopped = 0
     for step in range(steps):
-        away = nearest_away(x, center, radius)
+        away = nearest_away(x, center, radius, edge)
         noise, push, gain, wind = errors.next(away)
         estimate = x + noise
-        answer = shield.filter(estimate, spheres, policy.snaps(estimate, away), period)
+        answer = shield.filter(estimate, bodies, policy.snaps(estimate, away), period)
         snap = answer.snap.copy()
         if actual.losses and step > 0:
             lost = rng.random(n) < LOSS
             snap[lost] = shield.backup(lost)[lost] if shield.can_lose else got_through[lost]
         got_through = snap
         queue = np.concatenate([queue[:, 1:], snap[:, None]], axis=1)
-        flown = queue[:, 0] * (1 + gain) + push
+        asked = queue[:, 0] * (1 + gain)
         least = np.full(n, np.inf)
         for t in np.linspace(0.0, period, LOOKS + 1)[1:]:
-            r = moved(x, flown, wind, t)[:, 0]
-            least = np.minimum(least, (np.linalg.norm(r[:, None] - center, axis=2) - radius).min(axis=1))
-        x = moved(x, flown, wind, period)
+            r = moved(x, rotors.snaps(asked, push, t), wind, t)[:, 0]
+            least = np.minimum(least, ways_out(r, center, radius, edge)[1].min(axis=1))
+        x = moved(x, rotors.snaps(asked, push, period), wind, period)
+        rotors.follow(asked, period)
         clearance, speed = np.minimum(clearance, least), speed + np.linalg.norm(x[:, 1], axis=1) / steps
         bad_steps += int((least < -ROUNDING).sum())
         uncertified += int((~answer.certified).sum())

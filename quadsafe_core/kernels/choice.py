@@ -5,6 +5,7 @@ from functools import update_wrapper
 from operator import getitem
 from typing import Any, TypeVar
 
+import numpy as np
 from numba import config, types
 from numba.extending import intrinsic, overload
 
@@ -47,6 +48,46 @@ def none_without(function: F) -> F:
         return lambda first, *rest: inlined(first, *rest)  # noqa: PLW0108 - numba wants a function
 
     return update_wrapper(plain, function)  # type: ignore[return-value]
+
+
+def same_without(function: F) -> F:
+    """The function of kernels that answers its first argument where the second is None; its type says which.
+
+    Behind ``if x is None`` numba compiles all, unless x is None: there the answers must be of one type.
+    """
+    inlined = inline_kernel(function)
+
+    def plain(first, second, *rest):
+        return first if second is None else function(first, second, *rest)
+
+    @overload(plain)
+    def _plain(first, second, *rest):
+        if isinstance(second, types.NoneType):
+            return lambda first, second, *rest: first
+        return lambda first, second, *rest: inlined(first, second, *rest)  # noqa: PLW0108 - numba wants a function
+
+    return update_wrapper(plain, function)  # type: ignore[return-value]
+
+
+def none_without_field(name: str) -> Callable[[F], F]:
+    """Like ``none_without`` where the first argument, a named tuple or a record, has no such field."""
+
+    def decorate(function: F) -> F:
+        inlined = inline_kernel(function)
+
+        def plain(value, *rest):
+            fields = (value.dtype.names or ()) if isinstance(value, np.void) else value._fields
+            return function(value, *rest) if name in fields else None
+
+        @overload(plain)
+        def _plain(value, *rest):
+            if name in value.fields:
+                return lambda value, *rest: inlined(value, *rest)  # noqa: PLW0108 - numba wants a function
+            return lambda value, *rest: None
+
+        return update_wrapper(plain, function)  # type: ignore[return-value]
+
+    return decorate
 
 
 def _entry_at(_typing, arrays, place):

@@ -30,6 +30,23 @@ def lag_shares(k, t, lag):
 
 
 @kernel
+def new_shares(t, lag):
+    """1 − ω_k for k = 0 … 4 at once, of a time constant > 0."""
+    ratio = t / lag
+    if ratio < SERIES_UP_TO:
+        fourth = ratio / 5 * _share(5, ratio)
+        third = ratio / 4 * (1.0 - fourth)
+        second = ratio / 3 * (1.0 - third)
+        first = ratio / 2 * (1.0 - second)
+        return ratio * (1.0 - first), first, second, third, fourth
+    zeroth = 1.0 - math.exp(-ratio)
+    first = 1.0 - zeroth / ratio
+    second = 1.0 - 2 * first / ratio
+    third = 1.0 - 3 * second / ratio
+    return zeroth, first, second, third, 1.0 - 4 * third / ratio
+
+
+@kernel
 def _share(k, theta):
     """``ω_k = exp(-θ) Σ θ^i/i! k/(k + i)`` for k >= 1: no term is below 0."""
     total, power, i = 1.0, 1.0, 0

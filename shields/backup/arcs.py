@@ -3,15 +3,25 @@
 An arc is cut into pieces. A piece is clear of a body when a plane separates the body from the control
 points (Bernstein form) of the piece, whose convex hull contains it: nothing is missed between samples. The
 same test on the acceleration keeps the specific thrust ‖r̈ + g e3‖ at its floor or above; below its ceiling it
-is where the control points are.
+is where the control points are. An arc of a lead has one point more: the vehicle behind it where the piece
+begins, in whose hull with the piece it stays.
 """
 
-from quadsafe_core.kernels.choice import entry_at
+from quadsafe_core.kernels.choice import entry_at, same_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, vector
 from quadsafe_core.shapes.distance import nearest_point
-from shields.chains.flat_state import Flat, flown  # noqa: F401 - Flat was imported from here before
-from shields.interface.bodies import ROUNDS, core_stays_away, distance_from, facing, is_there, raised
+from shields.chains.flat_state import Flat, behind_of, flown, own_gap  # noqa: F401 - Flat was imported from here before
+from shields.interface.bodies import (
+    ROUNDS,
+    UPRIGHT,
+    core_stays_away,
+    distance_from,
+    facing,
+    is_there,
+    nearest_to,
+    raised,
+)
 from shields.interface.records import ThrustBand  # noqa: F401 - it was imported from here before
 
 # A piece that may not be clear is halved until it is one of so many of its arc, or shorter, s, than twice that:
@@ -39,9 +49,25 @@ def acceleration_points(x, snap, d):
     return (x.a, combined(x.a, d / 2, x.j), combined(combined(x.a, d, x.j), d * d / 2, snap))
 
 
+@same_without
+def with_own_position(points, behind, velocity):
+    """The control points of a position, and the vehicle behind it, seen as they are from a body that moves."""
+    own = combined(behind.r, behind.lag, velocity)
+    return (points[0], points[1], points[2], points[3], points[4], own)
+
+
+@same_without
+def with_own_acceleration(points, behind):
+    """The control points of an acceleration, and that of the vehicle behind it."""
+    return (points[0], points[1], points[2], behind.a)
+
+
 @kernel
 def is_separated(core, n, length, points, center, drift, radius):
-    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖ + h(n)`` for five control points; the centre moves by drift in all."""
+    """Whether ``n·(b_i − c_i) ≥ ρ ‖n‖ + h(n)`` for five control points; the centre moves by drift in all.
+
+    A sixth is a point where the piece begins.
+    """
     # Through the centre there is no direction, and what has overflowed is not clear either.
     if not (length >= radius if core is None else length > 0.0):
         return False
@@ -50,7 +76,16 @@ def is_separated(core, n, length, points, center, drift, radius):
         gap = subtract(points[i], combined(center, i / 4, drift))
         if not dot(n, gap) >= least:
             return False
+    for i in range(5, len(points)):
+        if not dot(n, subtract(points[i], center)) >= least:
+            return False
     return True
+
+
+@inline_kernel
+def first_of(points):
+    """Where a piece begins: the vehicle, where it is behind."""
+    return points[5 * (len(points) - 5)]
 
 
 @inline_kernel
@@ -65,7 +100,7 @@ def nearest_on_chord(start, end):
 @kernel
 def piece_clears_core(core, points, center, drift, radius):
     """``piece_clears`` of a core of more than a point: the plane is turned towards its nearest point."""
-    start, end = subtract(points[0], center), subtract(points[4], add(center, drift))
+    start, end = subtract(first_of(points), center), subtract(points[4], add(center, drift))
     nearest = nearest_point(core[0], core[1], start)
     for _ in range(ROUNDS):
         way = nearest_on_chord(subtract(start, nearest), subtract(end, nearest))
@@ -83,7 +118,7 @@ def piece_clears(core, points, center, drift, radius):
     """Whether a plane separates: across the way to the nearest point of the chord, or to the middle."""
     if core is not None:
         return piece_clears_core(core, points, center, drift, radius)
-    n = nearest_on_chord(subtract(points[0], center), subtract(points[4], add(center, drift)))
+    n = nearest_on_chord(subtract(first_of(points), center), subtract(points[4], add(center, drift)))
     if is_separated(core, n, norm(n), points, center, drift, radius):
         return True
     middle = subtract(points[2], combined(center, 0.5, drift))
@@ -102,6 +137,10 @@ def piece_keeps_thrust(points, band):
     least = band.least * length
     if not (length >= band.least and dot(b1, b0) >= least and dot(b1, b2) >= least):
         return False
+    for i in range(3, len(points)):
+        own = add(points[i], lift)
+        if not (dot(b1, own) >= least and dot(own, own) <= band.most * band.most):
+            return False
     return max(dot(b0, b0), dot(b1, b1), dot(b2, b2)) <= band.most * band.most
 
 
@@ -119,7 +158,8 @@ def look_at_piece(x, snap, start, d, piece, bodies, band):
     ``CLEAR``; ``HIT`` if its end, a point of the arc itself, does not; else ``UNSURE``.
     """
     y = flown(x, snap, piece * d)
-    accelerations = acceleration_points(y, snap, d)
+    behind = behind_of(y)
+    accelerations = with_own_acceleration(acceleration_points(y, snap, d), behind)
     if not piece_keeps_thrust(accelerations, band):
         return HIT if thrust_leaves(accelerations[2], band) else UNSURE
     points = position_points(y, snap, d)
@@ -129,7 +169,7 @@ def look_at_piece(x, snap, start, d, piece, bodies, band):
             velocity = vector(bodies.velocity[k])
             center = combined(vector(bodies.center[k]), start + piece * d, velocity)
             drift = scale(d, velocity)
-            if not piece_clears(core, points, center, drift, keep_out):
+            if not piece_clears(core, with_own_position(points, behind, velocity), center, drift, keep_out):
                 gap = distance_from(core, subtract(points[4], add(center, drift)))
                 return HIT if gap < keep_out else UNSURE
     return CLEAR
@@ -177,5 +217,37 @@ def rest_is_clear(x, start, bodies):
         if is_there(core, bodies.keep_out[k]):
             gap = subtract(x.r, combined(vector(bodies.center[k]), start, drift))
             if not stays_away(core, gap, subtract(x.v, drift), bodies.keep_out[k]):
+                return False
+    return True
+
+
+@kernel
+def ray_and_point_are_clear(core, gap, own, closing, keep):
+    """Whether a plane keeps the core on its far side of a point, and of one that moves on from ``gap``."""
+    speed, nearest = dot(closing, closing), nearest_to(core, gap)
+    for _ in range(ROUNDS):
+        way = nearest_on_chord(subtract(own, nearest), subtract(gap, nearest))
+        lean = min(dot(way, closing), 0.0) / speed if speed > 0.0 else 0.0
+        n = facing(core, combined(way, -lean, closing))
+        length = norm(n)
+        is_upright = dot(n, closing) >= -UPRIGHT * length * norm(closing)
+        least = raised(core, n, keep * length)
+        if is_upright and length > 0.0 and min(dot(n, gap), dot(n, own)) >= least:
+            return True
+        nearest = nearest_to(core, add(nearest, way))
+    return False
+
+
+@kernel
+def own_rest_is_clear(behind, x, frame, start, bodies):
+    """``rest_is_clear`` of the vehicle behind a lead x, which moves on at ``frame``; True of none."""
+    if behind is None:
+        return True
+    for k in range(bodies.keep_out.shape[0]):
+        core, drift = entry_at(bodies.cores, k), vector(bodies.velocity[k])
+        if is_there(core, bodies.keep_out[k]):
+            gap = subtract(x.r, combined(vector(bodies.center[k]), start, drift))
+            own = own_gap(behind, x, gap, drift)
+            if not ray_and_point_are_clear(core, gap, own, subtract(frame, drift), bodies.keep_out[k]):
                 return False
     return True

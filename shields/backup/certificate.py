@@ -18,7 +18,7 @@ from typing import NamedTuple
 from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
-from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, rest_is_clear
+from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, own_rest_is_clear, rest_is_clear
 from shields.backup.lengths import has_length, lengths_ahead, stop_keeps_limits, without_length
 from shields.backup.stop_hull import Attempt, bodies_are_clear, is_clear_at_once, lengths_at_once, scaled
 from shields.backup.stored_stop import (
@@ -26,6 +26,7 @@ from shields.backup.stored_stop import (
     NOTHING,
     SEGMENTS,
     advance_stop,
+    begin_of,
     dead_beat_snap,
     elapsed,
     feedback,
@@ -33,7 +34,7 @@ from shields.backup.stored_stop import (
     tracking_snap,
     write_stop,
 )
-from shields.chains.flat_state import Flat, flat_of, flown
+from shields.chains.flat_state import Flat, behind_of, flown, lead_of
 from shields.interface.bodies import as_one_row, is_there
 from shields.interface.records import (
     FlightLimits,  # noqa: F401 - it was imported from here before
@@ -58,7 +59,7 @@ class Distances(NamedTuple):
 @kernel
 def stop_is_clear(x, start, frame, h, bodies, limits):
     """Whether the stop of segment length h from x at time ``start`` keeps every limit."""
-    keeps, end = stop_keeps_limits(x, frame, h, limits)
+    keeps, end = stop_keeps_limits(lead_of(x), frame, h, limits)
     # Before its arcs are cut into pieces.
     if not keeps or not rest_is_clear(Flat(end.r, frame, end.a, end.j), start + SEGMENTS * h, bodies):
         return False
@@ -67,13 +68,13 @@ def stop_is_clear(x, start, frame, h, bodies, limits):
         if not arc_is_clear(x, snap, start + segment * h, h, bodies, limits.band):
             return False
         x = flown(x, snap, h)
-    return True
+    return own_rest_is_clear(behind_of(x), x, frame, start + SEGMENTS * h, bodies)
 
 
 @kernel
 def clear_length(x, start, frame, first, period, bodies, limits):
     """Number of a segment length whose stop keeps every limit, ``first`` before the others; −1 if none does."""
-    left = lengths_ahead(x, frame, period, limits)
+    left = lengths_ahead(lead_of(x), frame, period, limits)
     for turn in range(1 + len(LENGTHS)):
         choice = first if turn == 0 else turn - 1
         if has_length(left, choice):
@@ -86,13 +87,14 @@ def clear_length(x, start, frame, first, period, bodies, limits):
 @kernel
 def look_at_stored_stop(plan, period, bodies):
     """Whether the stored stop, from the start of its segment, keeps clear of the bodies of now."""
-    x, frame, found = flat_of(plan["begin"]), vector(plan["frame"]), CLEAR
+    x, frame, found = begin_of(plan), vector(plan["frame"]), CLEAR
     start, h = -elapsed(plan, period), plan["periods"] * period
     for _ in range(int(plan["segments_left"])):
         snap = dead_beat_snap(x, frame, h)
         found = max(found, look_at_arc(x, snap, start, h, bodies, ANY_THRUST))
         x, start = flown(x, snap, h), start + h
-    return found if rest_is_clear(Flat(x.r, frame, x.a, x.j), start, bodies) else HIT
+    rests = rest_is_clear(Flat(x.r, frame, x.a, x.j), start, bodies)
+    return found if rests and own_rest_is_clear(behind_of(x), x, frame, start, bodies) else HIT
 
 
 @kernel
@@ -142,11 +144,17 @@ def adopt_stop(plan, x, period, bodies, limits):
 
 
 @inline_kernel
+def most_jerk(x, behind):
+    """The jerk of a state, the larger one of a lead's and the vehicle's behind it, m/s³."""
+    return norm(x.j) if behind is None else max(norm(x.j), norm(behind.j))
+
+
+@inline_kernel
 def accept_at_once(i, plan, x, snap, bodies, share, flight):
     """``accept`` of row i by the quick test, with the segment length of the stored stop."""
     limits, period = flight.limits, flight.period
     # The jerk of a period is largest at one of its ends.
-    if not (norm(snap) <= limits.snap_max and norm(x.j) <= limits.jerk_max):
+    if not (norm(snap) <= limits.snap_max and most_jerk(x, behind_of(x)) <= limits.jerk_max):
         return False
     attempt, choice = Attempt(x, snap, flown(x, snap, period), period), int(plan["choice"])
     if not is_clear_at_once(i, attempt, periods_of(choice, period) * period, bodies, share, limits):
@@ -198,7 +206,7 @@ def certified_snap(plan, x, wanted, is_wanted, distances, flight):
     """
     period, limits, gains = flight.period, flight.limits, flight.gains
     # The tests look at the jerk where an arc ends: where one begins, it was in its limits or is so now.
-    begins_within = norm(x.j) <= limits.jerk_max
+    begins_within = most_jerk(x, behind_of(x)) <= limits.jerk_max
     if begins_within and is_wanted and accept(plan, x, wanted, period, distances.ahead, limits):
         return wanted, ACCEPTED
     kind = standing(plan, x, period, distances, limits, gains)

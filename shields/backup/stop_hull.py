@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsafe_core.kernels.choice import entry_at
+from quadsafe_core.kernels.choice import entry_at, none_without, same_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.lanes import LANES, U, wide_vectors
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract, triple
@@ -20,7 +20,7 @@ from quadsafe_core.shapes.distance import nearest_point
 from shields.backup.arcs import nearest_on_chord
 from shields.backup.lengths import IN_LANES, whole_periods
 from shields.backup.stored_stop import SEGMENTS
-from shields.chains.flat_state import Flat
+from shields.chains.flat_state import Flat, Led, behind_of, own_gap
 from shields.interface.bodies import ROUNDS, core_stays_away, facing, is_there, raised, widened
 
 
@@ -34,11 +34,11 @@ class Stop(NamedTuple):
 
 
 class Attempt(NamedTuple):
-    """A snap that might be held for a period, s, from one flat state to another, ``after`` it."""
+    """A snap that might be held for a period, s, from one flat state or lead to another, ``after`` it."""
 
-    x: Flat
+    x: Flat | Led
     snap: tuple
-    after: Flat
+    after: Flat | Led
     period: float
 
 
@@ -116,6 +116,12 @@ def scaled(x, h):
 
 
 @inline_kernel
+def is_beyond(own, n, least, drift):
+    """Whether what is behind a lead, if anything, is beyond a plane to which the body does not come nearer."""
+    return True if own is None else dot(n, own) >= least and drift <= 0.0
+
+
+@inline_kernel
 def plane_separates(core, n, keep, gap, velocity, attempt, stop):
     """Whether the plane across n keeps the period and the stop after it away from a core that moves."""
     x, d = attempt.x, attempt.period
@@ -130,7 +136,9 @@ def plane_separates(core, n, keep, gap, velocity, attempt, stop):
     start = dot(n, gap) + dot(n, subtract(attempt.after.r, x.r)) - d * drift
     later = least_over_stop(start, -stop.h * drift, dot(n, stop.V), dot(n, stop.A), dot(n, stop.J))
     # Through the centre there is no direction, and what has overflowed is not clear either.
-    return length > 0.0 and min(least, later) >= raised(core, n, keep * length)
+    keep = raised(core, n, keep * length)
+    own = own_gap(behind_of(x), x, gap, velocity)
+    return length > 0.0 and min(least, later) >= keep and is_beyond(own, n, keep, drift)
 
 
 @inline_kernel
@@ -143,13 +151,20 @@ def moves_away(core, gap, velocity, keep):
     return norm(combined(gap, -ahead, velocity)) >= keep
 
 
+@same_without
+def begin_of_way(_gap, own):
+    """Where the way of a vehicle begins: at the vehicle, where it is behind its lead."""
+    return own
+
+
 @kernel
 def turned_plane_does(core, keep, way, drift, attempt, stop):
     """``one_plane_does`` with a plane that is turned towards the nearest point of the core, a few times."""
     gap, at_rest = way
-    nearest = nearest_point(core[0], core[1], gap)
+    begin = begin_of_way(gap, own_gap(behind_of(attempt.x), attempt.x, gap, drift))
+    nearest = nearest_point(core[0], core[1], begin)
     for _ in range(ROUNDS):
-        n = nearest_on_chord(subtract(gap, nearest), subtract(at_rest, nearest))
+        n = nearest_on_chord(subtract(begin, nearest), subtract(at_rest, nearest))
         if plane_separates(core, facing(core, n), keep, gap, drift, attempt, stop):
             return True
         nearest = nearest_point(core[0], core[1], add(nearest, n))
@@ -163,7 +178,8 @@ def one_plane_does(core, keep, way, drift, attempt, stop):
     It lies across the direction in which a straight flight to the end of the stop comes nearest to the centre.
     """
     gap, at_rest = way
-    n = facing(core, nearest_on_chord(gap, at_rest))
+    begin = begin_of_way(gap, own_gap(behind_of(attempt.x), attempt.x, gap, drift))
+    n = facing(core, nearest_on_chord(begin, at_rest))
     does = plane_separates(core, n, keep, gap, drift, attempt, stop)
     if core is not None and not does:
         return turned_plane_does(core, keep, way, drift, attempt, stop)
@@ -202,6 +218,18 @@ def keeps_snap_and_jerk(after, stop, limits):
     return max(first, second) <= limits.jerk_max * h3 and norm(after.j) <= limits.jerk_max
 
 
+@none_without
+def own_thrust(behind, lift):
+    """Specific thrust of the vehicle behind a lead, a vector."""
+    return add(behind.a, lift)
+
+
+@inline_kernel
+def keeps_band(own, band):
+    """Whether the vehicle behind a lead, if any is, has so much thrust upwards, and no more than that."""
+    return True if own is None else own[2] >= band.least and norm(own) <= band.most
+
+
 @inline_kernel
 def keeps_thrust(attempt, stop, band):
     """Whether a level plane keeps the specific thrust above the floor, a ball keeps it below the ceiling."""
@@ -211,11 +239,11 @@ def keeps_thrust(attempt, stop, band):
     square = 1.0 / (stop.h * stop.h)
     for i in range(1, ACCELERATION.shape[0]):
         least = min(least, square * weighted(ACCELERATION, i, stop)[2])
-    if not least + lift >= band.least:
+    up = (0.0, 0.0, lift)
+    if not (least + lift >= band.least and keeps_band(own_thrust(behind_of(x), up), band)):
         return False
     if band.most == math.inf:
         return True
-    up = (0.0, 0.0, lift)
     most = max(norm(add(x.a, up)), norm(add(middle, up)), norm(add(after.a, up)))
     for i in range(1, ACCELERATION.shape[0]):
         most = max(most, norm(combined(up, square, weighted(ACCELERATION, i, stop))))

@@ -8,29 +8,30 @@ frame that moves with w. Whether a stop is clear is not asked here (``shields.ba
 
 import numpy as np
 
+from quadsafe_core.kernels.choice import none_without, none_without_field
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector, write3
-from shields.chains.flat_state import Flat, flat_of, flown, write_flat
+from shields.chains.flat_state import Behind, Flat, behind_of, flat_of, flown, with_behind, write_flat
 
 SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 NOTHING = (0.0, 0.0, 0.0)
 
-# The stored stop of one vehicle.
-PLAN = np.dtype(
-    [
-        ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
-        ("snap", "f8", (3,)),  # held in it, m/s⁴
-        ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
-        ("periods", "i8"),  # of a segment
-        ("periods_left", "i8"),  # of the segment that is flown
-        ("segments_left", "i1"),
-        ("choice", "i1"),  # number of the segment length in LENGTHS
-        ("is_stored", "?"),
-    ],
-    align=True,
-)
+# The stored stop of one vehicle; behind a lag it is the lead's, and the vehicle is kept too.
+FIELDS = [
+    ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
+    ("snap", "f8", (3,)),  # held in it, m/s⁴
+    ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
+    ("periods", "i8"),  # of a segment
+    ("periods_left", "i8"),  # of the segment that is flown
+    ("segments_left", "i1"),
+    ("choice", "i1"),  # number of the segment length in LENGTHS
+    ("is_stored", "?"),
+]
+PLAN = np.dtype(FIELDS, align=True)
+# With the new fields last numba would take kernels that were compiled for a ``PLAN``: a subtype of it.
+LED_PLAN = np.dtype([("behind", "f8", (3, 3)), ("lag", "f8"), *FIELDS], align=True)
 
 
 @inline_kernel
@@ -59,6 +60,29 @@ def length_of(plan, period):
     return periods_of(int(plan["choice"]), period) * period
 
 
+@none_without_field("behind")
+def behind_in(plan):
+    """The vehicle behind the start of the segment that is flown."""
+    b = plan["behind"]
+    r, a, j = (b[0, 0], b[0, 1], b[0, 2]), (b[1, 0], b[1, 1], b[1, 2]), (b[2, 0], b[2, 1], b[2, 2])
+    return Behind(r, a, j, plan["lag"])
+
+
+@none_without
+def store_behind(behind, plan):
+    """Store the vehicle behind the start of a segment."""
+    b = plan["behind"]
+    for axis in range(3):
+        b[0, axis], b[1, axis], b[2, axis] = behind.r[axis], behind.a[axis], behind.j[axis]
+    plan["lag"] = behind.lag
+
+
+@inline_kernel
+def begin_of(plan):
+    """The state at the start of the segment that is flown."""
+    return with_behind(flat_of(plan["begin"]), behind_in(plan))
+
+
 @kernel
 def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
@@ -81,6 +105,7 @@ def begin_segment(plan, x, period):
         plan["periods"] = 1
         write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
         write3(plan["snap"], NOTHING)
+    store_behind(behind_of(x), plan)
     plan["periods_left"] = plan["periods"]
 
 
@@ -101,7 +126,7 @@ def advance_stop(plan, period):
     """Move the stored stop on by one period."""
     plan["periods_left"] -= 1
     if plan["periods_left"] == 0:
-        x = reference(plan, period)
+        x = flown(begin_of(plan), vector(plan["snap"]), elapsed(plan, period))
         plan["segments_left"] = max(0, plan["segments_left"] - 1)
         begin_segment(plan, x, period)
 

@@ -136,6 +136,14 @@ def look_at(core, gap):
 
 
 @inline_kernel
+def nearest_to(core, gap):
+    """The point of the core that is nearest, relative to its centre."""
+    if core is None:
+        return (0.0, 0.0, 0.0)
+    return nearest_point(core[0], core[1], gap)
+
+
+@inline_kernel
 def outward(core, gap):
     """A direction away from the core, of any length."""
     if core is None:

@@ -66,12 +66,23 @@ class Bodies(NamedTuple):
     cores: Cores | None = None
 
 
+class BehindRows(NamedTuple):
+    """Vehicles behind their leads: position, acceleration and jerk (N, 3, 3), SI; the lag, s."""
+
+    places: np.ndarray
+    lag: float
+
+
 class Measured(NamedTuple):
-    """What a shield is given: flat states (N, 4, 3), SI, the bodies, the desired snaps (N, 3), m/s⁴."""
+    """What a shield is given: flat states (N, 4, 3), SI, the bodies, the desired snaps (N, 3), m/s⁴.
+
+    With a lag they are leads, and what is behind them is there too.
+    """
 
     flat: np.ndarray
     bodies: Bodies
     snap: np.ndarray
+    behind: BehindRows | None = None
 
 
 class Answers(NamedTuple):

@@ -8,9 +8,10 @@ import math
 import numpy as np
 
 from quadsafe_core.kernels.borrow import taken
+from quadsafe_core.kernels.choice import none_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple
-from shields.chains.flat_state import Flat
+from shields.chains.flat_state import Behind, Flat, with_behind
 from shields.interface.filtered import FACTS
 from shields.interface.records import Answers
 
@@ -85,6 +86,19 @@ def is_below(x, largest):
 def flat_of_row(i, flat):
     """The flat state of row i of (N, 4, 3)."""
     return Flat(triple(flat, i, 0), triple(flat, i, 1), triple(flat, i, 2), triple(flat, i, 3))
+
+
+@inline_kernel
+def state_of_row(i, measured):
+    """The flat state of row i of what was measured; with a lag the lead."""
+    return with_behind(flat_of_row(i, measured.flat), behind_of_row(measured.behind, i))
+
+
+@none_without
+def behind_of_row(behind, i):
+    """What is behind the lead of row i."""
+    places = behind.places
+    return Behind(triple(places, i, 0), triple(places, i, 1), triple(places, i, 2), behind.lag)
 
 
 @inline_kernel

@@ -169,7 +169,7 @@ def cbf_batch(flat, center, radius, snap, memory, kind, out):
     if not (first[0]["rows"] == n and first[0]["obstacles"] == k and out.shape[0] == NUMBERS * n):
         return BAD_SHAPES
     settings, velocities = cbf_memory(memory, n, k)
-    measured, answers = Measured(flat, Bodies(center, velocities, radius, None), snap), answers_in(out, n)
+    measured, answers = Measured(flat, Bodies(center, velocities, radius, None), snap, None), answers_in(out, n)
     code = checked_rows(measured, n, k)
     for i in range(n):
         if code == DONE:

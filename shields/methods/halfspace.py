@@ -19,10 +19,12 @@ vehicle can turn with: the chain is then kept in the braking set under these bou
 from typing import NamedTuple
 
 from quadsafe_core.authority import Authority, acceleration_along
+from quadsafe_core.kernels.choice import same_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, combined, dot, norm, scale, subtract
 from quadsafe_core.shapes.distance import nearest_point
 from shields.chains.braking_arcs import BrakingBounds
+from shields.chains.flat_state import behind_of
 from shields.filters.braking_backup import braking_held_input
 from shields.filters.easing import (
     BORDER,
@@ -118,6 +120,14 @@ def eased_along(n, state, wish, distance, spare, sampling, easing):
     return least_along(n, state, wish, distance, sampling, sampling.authority)
 
 
+@same_without
+def with_own_margin(demand, behind, distance):
+    """The demand of a lead: n has to keep the distance for the vehicle behind it too (Theorem L3)."""
+    own = dot(demand.n, behind.r) - distance
+    is_admissible = demand.is_admissible and own >= 0.0
+    return Demand(demand.n, demand.least, min(demand.value, own), is_admissible)
+
+
 @kernel
 def demand_along(n, x, wanted, kept, sampling):
     """The least ``n·u``, from the wanted one up, that keeps the distance along n from the centre of x."""
@@ -125,7 +135,7 @@ def demand_along(n, x, wanted, kept, sampling):
     y, distance = (dot(n, x.j), dot(n, x.a), dot(n, x.v), dot(n, x.r)), raised(kept.core, n, kept.distance)
     wish = dot(n, wanted)
     least, value, is_admissible = eased_along(n, y, wish, distance, kept.spare, sampling, sampling.easing)
-    return Demand(n, least, value, is_admissible)
+    return with_own_margin(Demand(n, least, value, is_admissible), behind_of(x), distance)
 
 
 @inline_kernel

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import taken
-from quadsafe_core.kernels.choice import only_if
+from quadsafe_core.kernels.choice import only_if, same_without
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
-from shields.backup.stored_stop import LENGTHS, PLAN, SEGMENTS
+from shields.backup.stored_stop import LED_PLAN, LENGTHS, PLAN, SEGMENTS
 from shields.filters.easing import Easing, easing_at
 from shields.interface.filtered import NUMBERS
 from shields.interface.records import FlightLimits, FlightRules, ThrustBand
@@ -52,6 +52,7 @@ SETTINGS = np.dtype(
         ("closing", "f8", (3,)),  # least R1 m/s, R2 m/s², R3 m/s³
         ("authority", "f8", (5,)),  # the fields of ``Authority``
         ("tube", "f8", (2,)),  # the fields of ``Width``, m
+        ("lag", "f8"),  # between snap and vehicle, s
     ],
     align=True,
 )
@@ -59,8 +60,19 @@ SETTINGS = np.dtype(
 HALF_SPACE = np.dtype([("n", "f8", (3,)), ("least", "f8")])
 # Stands where there is no authority: without the JIT a tuple is made of it in any case, and checked.
 UNREAD = Authority(1.0, 1.0, 1.0, 20.0, 9.81)
-SETTINGS_ROW, PLANS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=PLAN)
+# What a shield knows of the snap behind a lag.
+CARRIED = np.dtype(
+    [
+        ("lagged", "f8", (3,)),  # s at the last sample, m/s⁴
+        ("flown", "f8", (3,)),  # the answer that it has followed since, m/s⁴
+        ("period", "f8"),  # for how long, s
+    ],
+    align=True,
+)
+SETTINGS_ROW, CARRIED_ROWS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=CARRIED)
+PLANS, LED_PLANS = np.zeros(0, dtype=PLAN), np.zeros(0, dtype=LED_PLAN)
 HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
+PLAN_SIZE = PLAN.itemsize
 # Fewer rows than this are done one by one.
 FEW = 3
 # Among more bodies than this, those out of reach are not looked at; of one row alone, and in blocks.
@@ -78,8 +90,8 @@ class Kind(NamedTuple):
     """Which limits a shield has beyond distances: 1, or None for what there is not, which is not compiled.
 
     ``blocks``: no limits but those of a flight, and rows enough to be looked at side by side. ``many``: no
-    other limits, and so many bodies that those out of reach are not looked at. It crosses into a kernel as a
-    plain tuple, in a third of the time.
+    other limits, and so many bodies that those out of reach are not looked at. ``lag``: the vehicle is behind
+    its flat state. It crosses into a kernel as a plain tuple, in a third of the time.
     """
 
     closing: int | None
@@ -87,6 +99,7 @@ class Kind(NamedTuple):
     tube: int | None
     blocks: int | None
     many: int | None
+    lag: int | None
 
 
 class ShieldSettings(NamedTuple):
@@ -103,7 +116,7 @@ class ShieldSettings(NamedTuple):
 
 
 class Remembered(NamedTuple):
-    """Stored stops (N) ``PLAN`` and the half-spaces that were chosen last (N, K) ``HALF_SPACE``."""
+    """Stored stops (N) ``PLAN``, with a lag ``LED_PLAN``; half-spaces chosen last (N, K) ``HALF_SPACE``."""
 
     plans: NDArray[np.void]
     half_spaces: NDArray[np.void]
@@ -118,7 +131,9 @@ class SampledMemory(NamedTuple):
 
 
 class TubeMemory(NamedTuple):
-    """What a tube needs as well; without answers that are on their way, or lost, M is 0, else N.
+    """What a tube needs as well; without answers that are on their way, or lost, or late, M is 0, else N.
+
+    Without a lag L is 0, else N.
 
     | field    | shape     | meaning                                                                  |
     |----------|-----------|--------------------------------------------------------------------------|
@@ -128,6 +143,8 @@ class TubeMemory(NamedTuple):
     | before   | (M,)      | the stops before the last answers                                        |
     | pending  | (N, d, 3) | the answers that are on their way, m/s⁴                                  |
     | chains   | (M,)      | how many of the last answers were certified, without a break             |
+    | behind   | (L, 3, 3) | r, a, j of the vehicles, of which ``flats`` are the leads, SI            |
+    | carried  | (L,)      | ``CARRIED``                                                              |
     """
 
     flats: NDArray[np.float64]
@@ -136,29 +153,46 @@ class TubeMemory(NamedTuple):
     before: NDArray[np.void]
     pending: NDArray[np.float64]
     chains: NDArray[np.float64]
+    behind: NDArray[np.float64]
+    carried: NDArray[np.void]
+
+
+@same_without
+def led_stops(_stops, _lag):
+    """Stops of leads in place of those of vehicles, where there is a lag."""
+    return LED_PLANS
 
 
 @register_jitable
-def sampled_memory(memory, n, k):
+def stops_of(lag):
+    """Of which kind stored stops are, with a lag and without."""
+    return led_stops(PLANS, lag)
+
+
+@register_jitable
+def sampled_memory(memory, n, k, stops):
     """The parts of a memory of N vehicles and K spheres, and the bytes behind them."""
     settings, memory = taken(memory, SETTINGS_ROW, (1,))
-    plans, memory = taken(memory, PLANS, (n,))
+    plans, memory = taken(memory, stops, (n,))
     half_spaces, memory = taken(memory, HALF_SPACES, (n, k))
     velocities, memory = taken(memory, FLOATS, (n, k, 3))
     return SampledMemory(settings, Remembered(plans, half_spaces), velocities), memory
 
 
 @register_jitable
-def tube_memory(memory, n, k, delay, looks_ahead):
-    """The parts of the bytes behind a ``SampledMemory``."""
-    m = n if looks_ahead else 0
+def tube_memory(memory, n, k, ahead, stops):
+    """The parts of the bytes behind a ``SampledMemory``; ``ahead``: the delay, and whether to look ahead."""
+    delay, looks_ahead = ahead
+    m, late = n if looks_ahead else 0, n if stops.itemsize > PLAN_SIZE else 0
     flats, memory = taken(memory, FLOATS, (m, 4, 3))
     centers, memory = taken(memory, FLOATS, (m, k, 3))
     radii, memory = taken(memory, FLOATS, (n, k))
-    before, memory = taken(memory, PLANS, (m,))
+    before, memory = taken(memory, stops, (m,))
     pending, memory = taken(memory, FLOATS, (n, delay, 3))
     chains, memory = taken(memory, FLOATS, (m,))
-    return TubeMemory(flats, centers, radii, before, pending, chains)
+    behind, memory = taken(memory, FLOATS, (late, 3, 3))
+    carried, memory = taken(memory, CARRIED_ROWS, (late,))
+    return TubeMemory(flats, centers, radii, before, pending, chains, behind, carried)
 
 
 def recall(memory: NDArray[np.uint8], found: NDArray[np.uint8]) -> None:
@@ -206,17 +240,18 @@ def settings_of(s, kind):
     )
 
 
-def sampled_size(n: int, k: int) -> int:
-    """Bytes of a ``SampledMemory``."""
+def sampled_size(n: int, k: int, stop: int = PLAN_SIZE) -> int:
+    """Bytes of a ``SampledMemory`` with so many for a stop."""
     velocity = 3 * FLOATS.itemsize
-    return SETTINGS.itemsize + n * PLAN.itemsize + n * k * (HALF_SPACE.itemsize + velocity)
+    return SETTINGS.itemsize + n * stop + n * k * (HALF_SPACE.itemsize + velocity)
 
 
-def tube_size(n: int, k: int, delay: int, looks_ahead: bool) -> int:
+def tube_size(n: int, k: int, delay: int, looks_ahead: bool, stop: int = PLAN_SIZE) -> int:
     """Bytes of a ``TubeMemory``."""
-    flat, center, radius, answer, chain = 12, 3, 1, 3, 1
-    ahead = PLAN.itemsize + (flat + k * center + chain) * FLOATS.itemsize if looks_ahead else 0
-    return n * (ahead + (k * radius + delay * answer) * FLOATS.itemsize)
+    flat, center, radius, answer, chain, behind = 12, 3, 1, 3, 1, 9
+    ahead = stop + (flat + k * center + chain) * FLOATS.itemsize if looks_ahead else 0
+    late = CARRIED.itemsize + behind * FLOATS.itemsize if stop > PLAN_SIZE else 0
+    return n * (ahead + late + (k * radius + delay * answer) * FLOATS.itemsize)
 
 
 def empty_memory(n: int, k: int, size: int, delay: int = 0, looks_ahead: bool = False) -> NDArray[np.uint8]:
@@ -245,10 +280,14 @@ def write_settings(
 
 
 def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, size: tuple[int, int]) -> Kind:
-    """Which limits a shield of these settings has, for N vehicles among K obstacles."""
+    """Which limits a shield of these settings has, for N vehicles among K obstacles.
+
+    Behind a lag rows are done one by one, with a look at every body.
+    """
+    lag = 1 if has_tube and settings["uncertainty"]["rotor_lag"] > 0.0 else None
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
-    free = 1 if closes is None and authority is None else None
+    free = 1 if closes is None and authority is None and lag is None else None
     blocks = None if size[0] < FEW else free
     most = MANY if blocks is None else MANY_IN_BLOCKS
-    return Kind(closes, authority, 1 if has_tube else None, blocks, free if size[1] > most else None)
+    return Kind(closes, authority, 1 if has_tube else None, blocks, free if size[1] > most else None, lag)

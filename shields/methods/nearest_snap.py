@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from quadsafe_core.kernels.choice import entry_at
+from quadsafe_core.kernels.choice import entry_at, none_without
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, dot, norm, subtract, triple, vector, write3
 from quadsafe_core.maths.projection import project
 from shields.backup.stored_stop import NOTHING, within_ball
 from shields.blocks.block import is_taken
-from shields.chains.flat_state import Flat
+from shields.chains.flat_state import Behind, Flat, behind_of, with_behind
 from shields.interface.bodies import Kept, is_there, look_at, spare_of, widened
 from shields.interface.records import Demand
 from shields.methods.authority_limits import LIMITS, limit_demand
@@ -58,8 +58,16 @@ def no_half_spaces(count):
 
 @inline_kernel
 def relative_to(x, center, velocity):
-    """The flat state relative to a body that moves at constant velocity."""
-    return Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
+    """The state relative to a body that moves at constant velocity."""
+    y = Flat(subtract(x.r, center), subtract(x.v, velocity), x.a, x.j)
+    return with_behind(y, behind_from(behind_of(x), center, velocity))
+
+
+@none_without
+def behind_from(behind, center, velocity):
+    """What is behind a lead, relative to a body whose centre for the lead is farther on by the lag."""
+    own = combined(subtract(behind.r, center), behind.lag, velocity)
+    return Behind(own, behind.a, behind.j, behind.lag)
 
 
 @inline_kernel

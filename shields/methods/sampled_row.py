@@ -35,7 +35,15 @@ from shields.interface.bodies import (
     widened,
 )
 from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
-from shields.interface.row_checks import DONE, TOO_LARGE, answer, braking, flat_of_row, wanted_snap
+from shields.interface.row_checks import (
+    DONE,
+    TOO_LARGE,
+    answer,
+    braking,
+    flat_of_row,
+    state_of_row,
+    wanted_snap,
+)
 from shields.methods.memory import FEW
 from shields.methods.nearest_snap import (
     JUST_INSIDE,
@@ -177,7 +185,7 @@ def careful_snap(x, wish, bodies, row, settings):
 @kernel
 def sampled_row(i, measured, remembered, settings, answers, found):
     """Filter row i of what was measured; ``DONE``, or what is wrong with it. ``found`` as in ``is_taken``."""
-    x, bodies, fact = flat_of_row(i, measured.flat), measured.bodies, answers.facts[i]
+    x, bodies, fact = state_of_row(i, measured), measured.bodies, answers.facts[i]
     wanted = wanted_snap(x, vector(measured.snap[i]), settings.braking, fact)
     plan, chosen, share = remembered.plans[i], remembered.half_spaces[i], 0.5 * settings.margin
     is_cut, is_outside = choose_directions(i, x, wanted, bodies, Chosen(chosen, found), settings, fact)

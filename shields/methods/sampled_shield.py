@@ -16,6 +16,7 @@ from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_r
 from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
+    PLANS,
     check_stops,
     empty_memory,
     is_memory_of,
@@ -40,10 +41,10 @@ def sampled_batch(flat, center, radius, snap, memory, kind, out):
     n, k, cores = flat.shape[0], radius.shape[1], kind[-1]
     if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
-    held, _ = sampled_memory(memory, n, k)
+    held, _ = sampled_memory(memory, n, k, PLANS)
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
     bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
-    measured = Measured(borrowed(flat), bodies, borrowed(snap))
+    measured = Measured(borrowed(flat), bodies, borrowed(snap), None)
     code = checked_rows(measured, n, k)
     if code != DONE:
         return code
@@ -70,7 +71,7 @@ class SampledMethod:
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows."""
-        held, _ = sampled_memory(self.memory, *self._size)
+        held, _ = sampled_memory(self.memory, *self._size, PLANS)
         held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
         held.rows.plans[mask] = np.zeros((), dtype=PLAN)
 
@@ -80,16 +81,16 @@ class SampledMethod:
 
     def move(self, velocity: NDArray[np.float64] | float) -> None:
         """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
-        sampled_memory(self.memory, *self._size)[0].velocities[:] = velocity
+        sampled_memory(self.memory, *self._size, PLANS)[0].velocities[:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:
         """Go on from the memory of an equal method."""
-        check_stops(sampled_memory(found, *self._size)[0].rows.plans)
+        check_stops(sampled_memory(found, *self._size, PLANS)[0].rows.plans)
         recall(self.memory, found)
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        held, _ = sampled_memory(self.memory, *self._size)
+        held, _ = sampled_memory(self.memory, *self._size, PLANS)
         # A stop is stored in whole periods: of another length it would be another stop.
         held.rows.plans["is_stored"] = False
         bounds = bounds_of(self._settings)

@@ -14,24 +14,22 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, one_row, taken
-from quadsafe_core.kernels.choice import entry_at
+from quadsafe_core.kernels.choice import entry_at, only_if
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import combined, subtract, triple, vector, write3
-from shields.backup.arcs import CLEAR, HIT, look_at_arc
-from shields.backup.certificate import ANY_THRUST
-from shields.backup.stored_stop import PLAN, advance_stop, tracking_snap, within_ball
-from shields.chains.flat_state import flat_of, flown, write_flat
+from quadsafe_core.kernels.vec3 import subtract, triple, vector, write3
+from shields.backup.stored_stop import advance_stop, tracking_snap, within_ball
+from shields.chains.flat_state import flat_of
 from shields.interface.bodies import (
     are_cores_of,
-    bodies_of_row,
     distance_from,
     is_there,
     unpacked,
 )
-from shields.interface.records import Bodies, Measured, MovingBodies
+from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
 from shields.methods.flight_bounds import FlightBounds, bounds_of
 from shields.methods.memory import (
+    CARRIED,
     HALF_SPACE,
     SETTINGS_ROW,
     SampledMemory,
@@ -44,33 +42,23 @@ from shields.methods.memory import (
     sampled_memory,
     sampled_size,
     settings_of,
+    stops_of,
     tube_memory,
     tube_size,
     write_settings,
 )
 from shields.methods.method import Kernels
+from shields.methods.on_the_way import (
+    behind_rows,
+    flown_now,
+    front_of_row,
+    is_way_clear,
+    look_ahead,
+    note_flown,
+    send,
+)
 from shields.methods.sampled_row import sampled_rows
 from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
-
-
-@inline_kernel
-def predicted(x, pending, period):
-    """The flat state when every answer that is on its way, (d, 3), has been flown."""
-    for answer in range(pending.shape[0]):
-        x = flown(x, vector(pending[answer]), period)
-    return x
-
-
-@kernel
-def look_ahead(measured, delay, held, tubes):
-    """Put down every row as it will be when the answer is flown, and its stop before that."""
-    center, velocity, period = measured.bodies.center, measured.bodies.velocity, held.settings[0]["period"]
-    for i in range(measured.flat.shape[0]):
-        x = flat_of_row(i, measured.flat)
-        write_flat(tubes.flats[i], predicted(x, tubes.pending[i], period))
-        for k in range(center.shape[1]):
-            write3(tubes.centers[i, k], combined(triple(center, i, k), delay * period, triple(velocity, i, k)))
-        tubes.before[i] = held.rows.plans[i]
 
 
 @kernel
@@ -81,16 +69,6 @@ def widen(bodies, width, radii):
             radius = bodies.radius[i, k]
             is_body = is_there(entry_at(bodies.cores, (i, k)), radius)
             radii[i, k] = radius + width.vehicle if is_body else 0.0
-
-
-@inline_kernel
-def send(snap, pending):
-    """Put the answer behind those that are on their way, the first of which has been flown."""
-    last = pending.shape[0] - 1
-    for answer in range(last):
-        write3(pending[answer], vector(pending[answer + 1]))
-    if last >= 0:
-        write3(pending[last], vector(snap))
 
 
 @inline_kernel
@@ -105,37 +83,16 @@ def is_outside(i, x, bodies, error):
 
 
 @kernel
-def is_way_clear(i, x, bodies, tubes, error, period):
-    """Whether what is on its way to row i keeps clear of the bodies.
-
-    Where all of it was certified, no point of its path may lie in a body by more than errors do. Before that
-    the path must be clear for sure.
-    """
-    own, delay = bodies_of_row(i, bodies), tubes.pending.shape[1]
-    is_chained, keep_out = tubes.chains[i] >= delay, np.zeros(own.keep_out.shape[0])
-    for k in range(keep_out.shape[0]):
-        radius = own.keep_out[k]
-        if is_there(entry_at(own.cores, k), radius):
-            keep_out[k] = max(radius - error, 0.0) if is_chained else radius + error
-    kept = MovingBodies(own.center, own.velocity, keep_out, own.cores)
-    for answer in range(delay):
-        snap = triple(tubes.pending, i, answer)
-        found = look_at_arc(x, snap, answer * period, period, kept, ANY_THRUST)
-        if found == HIT or (found != CLEAR and not is_chained):
-            return False
-        x = flown(x, snap, period)
-    return True
-
-
-@kernel
-def close_rows(measured, answers, tubes, width, period):
+def close_rows(measured, answers, tubes, settings, lag):
     """Withdraw certificates where the vehicle is not where they have it; send the answers on their way."""
+    width, period = settings.tube, settings.flight.period
     error, delay, bodies = width.estimate - width.vehicle, tubes.pending.shape[1], measured.bodies
     for i in range(measured.flat.shape[0]):
-        x = flat_of_row(i, measured.flat)
-        is_here = is_outside(i, x, bodies, error)
+        is_here = is_outside(i, flat_of_row(i, measured.flat), bodies, error)
+        note_flown(lag, i, flown_now(answers.safe[i], tubes.pending[i]), period, tubes.carried)
         if delay > 0:
-            is_here = is_here and is_way_clear(i, x, bodies, tubes, error, period)
+            x = front_of_row(i, measured, lag, tubes.carried)
+            is_here = is_here and is_way_clear(i, x, bodies, tubes, error, (period, lag))
             send(answers.safe[i], tubes.pending[i])
         withdraw(i, answers.facts[i], is_here, tubes.chains)
 
@@ -158,24 +115,30 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     n, k, cores = flat.shape[0], radius.shape[1], kind[-1]
     if not (is_memory_of(memory, n, k, out) and are_cores_of(cores, n, k)):
         return BAD_SHAPES
-    held, rest = sampled_memory(memory, n, k)
+    stops = stops_of(kind[5])
+    held, rest = sampled_memory(memory, n, k, stops)
     delay, looks_ahead = held.settings[0]["delay"], held.settings[0]["looks_ahead"] > 0
-    tubes = tube_memory(rest, n, k, delay, looks_ahead)
+    tubes, lag = tube_memory(rest, n, k, (delay, looks_ahead), stops), only_if(kind[5], held.settings[0]["lag"])
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
     bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
-    measured = Measured(borrowed(flat), bodies, borrowed(snap))
+    measured = Measured(borrowed(flat), bodies, borrowed(snap), None)
     code = checked_rows(measured, n, k)
     if code != DONE:
         return code
     flats, centers = measured.flat, bodies.center
     if looks_ahead:
-        look_ahead(measured, delay, held, tubes)
+        look_ahead(measured, delay, lag, held, tubes)
         flats, centers = tubes.flats, tubes.centers
     widen(bodies, settings.tube, tubes.radii)
-    ahead = Measured(flats, Bodies(centers, bodies.velocity, tubes.radii, bodies.cores), measured.snap)
+    ahead = Measured(
+        flats,
+        Bodies(centers, bodies.velocity, tubes.radii, bodies.cores),
+        measured.snap,
+        behind_rows(lag, tubes.behind),
+    )
     code = sampled_rows(cores, kind[3], kind[4], ahead, held.rows, settings, answers)
     if code == DONE:
-        close_rows(measured, answers, tubes, settings.tube, settings.flight.period)
+        close_rows(measured, answers, tubes, settings, lag)
     return code
 
 
@@ -187,7 +150,7 @@ def tube_one(flat, center, radius, snap, memory, kind, out):
 
 
 @kernel
-def backup_row(i, held, tubes, settings, out):
+def backup_row(i, held, tubes, settings, lag, out):
     """Row i flies the stop before the last answer in its place, and stores it again; without one it brakes."""
     x, flight = flat_of(tubes.flats[i]), settings.flight
     period, snap_max = flight.period, flight.limits.snap_max
@@ -200,18 +163,21 @@ def backup_row(i, held, tubes, settings, out):
     last = tubes.pending.shape[1] - 1
     if last >= 0:
         write3(tubes.pending[i, last], vector(out[i]))
+    else:
+        note_flown(lag, i, vector(out[i]), period, tubes.carried)
 
 
 @kernel
-def backup_batch(mask, memory, out):
-    """Rows of ``backup_row`` where ``mask`` (N,) is True, into snaps (N, 3)."""
+def backup_batch(mask, memory, mark, out):
+    """Rows of ``backup_row`` where ``mask`` (N,) is True, into snaps (N, 3); ``mark``: ``Kind.lag``."""
     first, _ = taken(memory, SETTINGS_ROW, (1,))
-    n, k, delay = first[0]["rows"], first[0]["obstacles"], first[0]["delay"]
-    held, rest = sampled_memory(memory, n, k)
-    tubes, settings = tube_memory(rest, n, k, delay, True), settings_of(held.settings[0], (None, None, None))
+    n, k, delay, stops = first[0]["rows"], first[0]["obstacles"], first[0]["delay"], stops_of(mark)
+    held, rest = sampled_memory(memory, n, k, stops)
+    tubes, lag = tube_memory(rest, n, k, (delay, True), stops), only_if(mark, first[0]["lag"])
+    settings = settings_of(held.settings[0], (None, None, None))
     for i in range(n):
         if mask[i]:
-            backup_row(i, held, tubes, settings, out)
+            backup_row(i, held, tubes, settings, lag, out)
 
 
 class TubeMethod:
@@ -222,35 +188,48 @@ class TubeMethod:
         assert uncertainty is not None
         self._settings, self._uncertainty = settings, uncertainty
         # The delay, and whether answers may be on their way, or lost.
-        self._ahead = uncertainty.delay, uncertainty.delay > 0 or uncertainty.losses
+        self._mark = 1 if uncertainty.rotor_lag > 0.0 else None
+        is_late = uncertainty.delay > 0 or uncertainty.losses or uncertainty.rotor_lag > 0.0
+        self._ahead, self._stops = (uncertainty.delay, is_late), stops_of(self._mark)
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Empty memory for every row."""
         self._size = rows, obstacles
-        size = sampled_size(rows, obstacles) + tube_size(rows, obstacles, *self._ahead)
+        stop = self._stops.itemsize
+        size = sampled_size(rows, obstacles, stop) + tube_size(rows, obstacles, *self._ahead, stop)
         self.memory = empty_memory(rows, obstacles, size, *self._ahead)
 
     def _parts(self) -> tuple[SampledMemory, TubeMemory]:
         """Made when they are used: a copy of this object has a memory of its own."""
-        held, rest = sampled_memory(self.memory, *self._size)
-        return held, tube_memory(rest, *self._size, *self._ahead)
+        return self._parts_of(self.memory)
+
+    def _parts_of(self, memory: NDArray[np.uint8]) -> tuple[SampledMemory, TubeMemory]:
+        held, rest = sampled_memory(memory, *self._size, self._stops)
+        return held, tube_memory(rest, *self._size, self._ahead, self._stops)
 
     def forget(self, mask: NDArray[np.bool_]) -> None:
         """Empty the memory of some rows; what was on its way to them is not flown."""
         held, tubes = self._parts()
         held.rows.half_spaces[mask] = np.zeros((), dtype=HALF_SPACE)
-        held.rows.plans[mask] = np.zeros((), dtype=PLAN)
+        nothing = np.zeros((), dtype=self._stops.dtype)
+        held.rows.plans[mask] = nothing
         tubes.pending[mask] = 0.0
         if self._ahead[1]:
-            tubes.before[mask], tubes.chains[mask] = np.zeros((), dtype=PLAN), 0.0
+            tubes.before[mask], tubes.chains[mask] = nothing, 0.0
+        if self._mark:
+            tubes.carried[mask] = np.zeros((), dtype=CARRIED)
 
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """Some rows fly other snaps than the last answer: their stops are void, what is on its way is not."""
-        pending = self._parts()[1].pending
-        on_the_way = pending[mask]
+        tubes = self._parts()[1]
+        on_the_way, carried = tubes.pending[mask], tubes.carried[mask if self._mark else []]
         on_the_way[:, -1:] = snaps[:, None]
         self.forget(mask)
-        pending[mask] = on_the_way
+        tubes.pending[mask] = on_the_way
+        if self._mark:
+            if not self._ahead[0]:
+                carried["flown"] = snaps
+            tubes.carried[mask] = carried
 
     def move(self, velocity: NDArray[np.float64] | float) -> None:
         """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
@@ -258,9 +237,9 @@ class TubeMethod:
 
     def recall(self, found: NDArray[np.uint8]) -> None:
         """Go on from the memory of an equal method."""
-        held, rest = sampled_memory(found, *self._size)
+        held, tubes = self._parts_of(found)
         check_stops(held.rows.plans)
-        check_stops(tube_memory(rest, *self._size, *self._ahead).before)
+        check_stops(tubes.before)
         recall(self.memory, found)
 
     def at(self, period: float) -> Kernels:
@@ -275,6 +254,7 @@ class TubeMethod:
         # A stop is stored in whole periods: of another length it would be another stop.
         held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
+        held.settings[0]["lag"] = self._uncertainty.rotor_lag
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
         return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
@@ -282,7 +262,7 @@ class TubeMethod:
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""
         out = np.zeros((mask.shape[0], 3))
-        backup_batch(mask, self.memory, out)
+        backup_batch(mask, self.memory, self._mark, out)
         return out
 
 

@@ -101,7 +101,7 @@ def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> di
 def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
     """The tubes of what was told, for every pole."""
     error, added = predicted_error(told, check_period(period), 0.0)
-    return tuple(tube_at(pole, error, added, period) for pole in POLES)
+    return tuple(tube_at(pole, error, added, period, told.rotor_lag) for pole in POLES)
 
 
 def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dict[str, Any]:
@@ -177,7 +177,7 @@ def _fits(error: float, limits: FlightLimits, told: Uncertainty, period: float, 
     """Whether the inner loop's error alone, and all errors together, leave enough of limits and room."""
     if not error < math.inf or not limits.band.least < limits.band.gravity:
         return False
-    unit = tubes(Uncertainty(snap=1.0, delay=told.delay), period)
+    unit = tubes(Uncertainty(snap=1.0, delay=told.delay, rotor_lag=told.rotor_lag), period)
     base = tubes(told._replace(snap=0.0, gain=0.0), period)
     alone = best_tube([_wider(NO_TUBE._replace(gains=tube.gains), tube, error) for tube in unit], limits)
     if alone is None or share_taken(alone, limits) > most or alone.deviation[0] > MOST_RADIUS:

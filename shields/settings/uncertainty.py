@@ -45,8 +45,8 @@ MOST_DELAY = 100
 
 
 def _checked(found: "Uncertainty") -> "Uncertainty":
-    """Every field in its range: floats, an int and a bool."""
-    *numbers, delay, losses = found
+    """Every field in its range: floats, an int, a bool and a float."""
+    *numbers, delay, losses, lag = found
     floats = [
         non_negative_number(f"uncertainty.{name}", x) for name, x in zip(found._fields, numbers, strict=False)
     ]
@@ -57,7 +57,10 @@ def _checked(found: "Uncertainty") -> "Uncertainty":
         raise ValueError(f"uncertainty.delay must be a whole number from 0 to {MOST_DELAY}, got {delay!r}")
     if not isinstance(losses, bool | np.bool_):
         raise TypeError(f"uncertainty.losses must be True or False, got {losses!r}")
-    return Uncertainty._make([*floats, int(delay), bool(losses)])
+    if isinstance(lag, tuple | list):
+        raise TypeError(f"uncertainty.rotor_lag must be one number, in s, and no interval, got {lag!r}")
+    lag = non_negative_number("uncertainty.rotor_lag", lag)
+    return Uncertainty._make([*floats, int(delay), bool(losses), lag])
 
 
 @checked_when_made(_checked)
@@ -77,6 +80,7 @@ class Uncertainty(NamedTuple):
     | wind         | m/s²    | ‖w‖, acceleration that the snap does not make                                  |
     | delay        | periods | a whole number: the answer of now is flown so many periods later               |
     | losses       | –       | whether answers may be lost; the vehicle then flies ``Shield.backup``          |
+    | rotor_lag    | s       | T, known: the vehicle's snap s follows the answer u, T ṡ = u − s               |
     """
 
     position: float = 0.0
@@ -88,6 +92,7 @@ class Uncertainty(NamedTuple):
     wind: float = 0.0
     delay: int = 0
     losses: bool = False
+    rotor_lag: float = 0.0
 
 
 NONE = Uncertainty()
@@ -159,17 +164,22 @@ def control_points(period: float) -> tuple[list[Array], list[Array]]:
 
 
 def predicted_error(uncertainty: Uncertainty, period: float, snap_max: float) -> tuple[Array, Array]:
-    """Bounds (4,) of the error of the state after the delay, and of what one period adds."""
+    """Bounds (4,) of the error of the state, or its lead, after the delay, and of what one period adds."""
     disturbance = uncertainty.snap + (uncertainty.gain * snap_max if uncertainty.gain > 0.0 else 0.0)
     added, (step, _) = added_over(period, disturbance, uncertainty.wind), chain_over(period)
-    error = np.array(uncertainty[:4])
+    lag = uncertainty.rotor_lag
+    if lag > 0.0:
+        # What acts behind the lag acts on each coordinate of the lead, and so many times as much on the next.
+        added = added + lag * np.array([*added_over(period, disturbance, 0.0)[1:], 0.0])
+        added[0] += lag * uncertainty.wind * period
+    error = np.array(uncertainty[:4]) + lag * np.array([*uncertainty[1:4], 0.0])
     for _ in range(uncertainty.delay):
         error = step @ error + added
     return error, added
 
 
-def tube_at(pole: float, error: Array, added: Array, period: float) -> Tube:
-    """The tube with every pole of the feedback there."""
+def tube_at(pole: float, error: Array, added: Array, period: float, lag: float = 0.0) -> Tube:
+    """The tube with every pole of the feedback there; with a lag of the lead, and of the vehicle behind it."""
     (step, b), gains = chain_over(period), held_gains(4, pole, period)
     of_state, of_snap = control_points(period)
     loop, into = step - np.outer(b, gains), np.outer(b, gains)
@@ -191,6 +201,8 @@ def tube_at(pole: float, error: Array, added: Array, period: float) -> Tube:
     most *= 1 + ROUNDING
     ends = np.cumsum([len(u) for u in of_snap])
     sides = np.array([part.max() for part in np.split(most[:-1], ends[:-1])])
+    # The jerk of the vehicle follows that of the lead and T d, of which ``added`` has Δ d.
+    sides[3] += lag * added[3] / period
     return Tube(sides + added, float(most[-1]), error, gains)
 
 
@@ -220,7 +232,8 @@ def tube_of(uncertainty: Uncertainty, period: float, limits: FlightLimits) -> Tu
     """
     check_period(period)
     error, added = predicted_error(uncertainty, period, limits.snap_max)
-    found = best_tube([tube_at(pole, error, added, period) for pole in POLES], limits)
+    lag = uncertainty.rotor_lag
+    found = best_tube([tube_at(pole, error, added, period, lag) for pole in POLES], limits)
     if found is None:
         raise ValueError(
             f"uncertainty must leave half of snap, jerk and thrust at Δ = {period:g} s, got {uncertainty}"

@@ -14,7 +14,7 @@ from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP, TOLD
-from shields.slot.surprise import SENTENCE, SHARED, WATCH, expectation_of, watch_row
+from shields.slot.surprise import SENTENCE, SHARED, WATCH, expectation_of, lag_of, watch_row
 
 Floats = NDArray[np.float64]
 
@@ -168,7 +168,7 @@ class Recorder:
                 expectation_of(self.shield.settings, period),
                 period,
             )
-            self._period = period
+            self._period, self._shared["lag"] = period, lag_of(self.shield.settings)
         self._shared["is_first"] = self._periods == 0
         kept = self._steps, self._watches, self._line, self._shared
         surprised = self._count(flat, snap, answer.numbers, *kept)
@@ -214,6 +214,7 @@ class Recorder:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
         self._is_named[rows], self._watches["is_known"][rows], self._line[rows] = False, False, 0.0
+        self._watches["lagged"][rows] = 0.0
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun

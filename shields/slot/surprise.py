@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.kernels.jit import inline_kernel
-from quadsafe_core.kernels.vec3 import norm, subtract, triple, vector, write3
+from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, triple, vector, write3
+from quadsafe_core.maths.lag import lag_shares
 from shields.chains.flat_state import Flat, flown
 from shields.interface.row_checks import flat_of_row
 from shields.methods.flight_bounds import bounds_of
@@ -35,6 +36,7 @@ SENTENCE = (
 WATCH = np.dtype(
     [
         ("last", "f8", (4, 3)),  # flat state of the last sample, SI
+        ("lagged", "f8", (3,)),  # behind a lag the snap that it was at then, m/s⁴
         ("is_known", "?"),  # whether there was one since the row was reset
     ],
     align=True,
@@ -45,10 +47,41 @@ SHARED = np.dtype(
         ("most", "f8", (4,)),  # how far a sample may be off in r, v, a, j, SI
         ("off", "f8", (4,)),  # how far the row was that was surprised last, SI
         ("period", "f8"),  # s
+        ("lag", "f8"),  # s
         ("is_first", "?"),  # whether a policy step begins
     ],
     align=True,
 )
+
+
+@kernel
+def mean_snap(k, snap, watch, shared):
+    """What takes the place of a held snap in the k-fold integral behind a lag: (L1)."""
+    s, (old, new) = watch["lagged"], lag_shares(k, shared["period"], shared["lag"])
+    return combined(scale(new, snap), old, (s[0], s[1], s[2]))
+
+
+@kernel
+def expected(x, snap, watch, shared):
+    """The flat state a period later, behind the lag that was told."""
+    period = shared["period"]
+    if not shared["lag"] > 0.0:
+        return flown(x, snap, period)
+    # Every order has a mean of its own.
+    return Flat(
+        flown(x, mean_snap(4, snap, watch, shared), period).r,
+        flown(x, mean_snap(3, snap, watch, shared), period).v,
+        flown(x, mean_snap(2, snap, watch, shared), period).a,
+        flown(x, mean_snap(1, snap, watch, shared), period).j,
+    )
+
+
+@kernel
+def follow(snap, watch, shared):
+    """Move the snap behind the lag on by a period."""
+    if shared["lag"] > 0.0:
+        s = watch["lagged"]
+        s[0], s[1], s[2] = mean_snap(0, snap, watch, shared)
 
 
 @inline_kernel
@@ -72,7 +105,7 @@ def watch_row(i, flat, answer, watch, line, shared):
             (last[2, 0], last[2, 1], last[2, 2]),
             (last[3, 0], last[3, 1], last[3, 2]),
         )
-        p = flown(was, triple(line, i, 0), shared["period"])
+        p = expected(was, triple(line, i, 0), watch, shared)
         off = (
             norm(subtract(x.r, p.r)),
             norm(subtract(x.v, p.v)),
@@ -83,6 +116,7 @@ def watch_row(i, flat, answer, watch, line, shared):
             is_off |= not off[order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
         if is_off:
             told[0], told[1], told[2], told[3] = off
+        follow(triple(line, i, 0), watch, shared)
     for order in range(4):
         last[order, 0], last[order, 1], last[order, 2] = x[order]
     for place in range(line.shape[1] - 1):
@@ -100,9 +134,15 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
         period: Δ, s.
         snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
     """
-    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
+    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0, rotor_lag=0.0)
     error, added = predicted_error(told, period, snap_max)
     return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+
+
+def lag_of(settings: Mapping[str, Any]) -> float:
+    """The lag that a shield of these settings was told, s."""
+    declared = settings["uncertainty"]
+    return 0.0 if declared is None else declared["rotor_lag"]
 
 
 def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:

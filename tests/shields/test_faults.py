@@ -16,7 +16,7 @@ from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.chains.braking_arcs import BrakingBounds
 from shields.filters.braking_backup import rising_periods
 from shields.filters.held_rest import HeldBox, climbing_periods
-from shields.methods.memory import sampled_memory, tube_memory
+from shields.methods.memory import PLANS, sampled_memory, tube_memory
 from shields.slot.recorder import Recorder
 
 NAME = "QuadSafe/Avoid-v0"
@@ -400,7 +400,8 @@ def test_with_a_delay_what_is_on_its_way_to_a_row_that_brakes_is_still_predicted
     wrong[1, 0] = np.nan
     with pytest.warns(RuntimeWarning, match="^row 1 brakes"):
         braked = recorder.filter(wrong, Obstacles.spheres(center, radius), np.full((2, 3), 7.0), 0.02)
-    pending = tube_memory(sampled_memory(shield.snapshot()["memory"], 2, 1)[1], 2, 1, 2, True).pending
+    rest = sampled_memory(shield.snapshot()["memory"], 2, 1, PLANS)[1]
+    pending = tube_memory(rest, 2, 1, (2, True), PLANS).pending
     np.testing.assert_array_equal(pending[1], [[7.0] * 3, braked.snap[1]])
 
 

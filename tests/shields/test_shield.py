@@ -15,7 +15,7 @@ from quadsafe_core.shapes import Box, Obstacles, Sphere
 from shields import Filtered, Shield
 from shields.chains.radial import radial_snap, radial_state
 from shields.methods.cbf_shield import ClosingBounds, Limits, filtered_input
-from shields.methods.memory import sampled_memory
+from shields.methods.memory import PLANS, sampled_memory
 
 PERIOD = 0.01
 SNAP_MAX = 30.0
@@ -573,7 +573,7 @@ def test_a_snapshot_with_a_stop_that_cannot_be_is_refused(given, name, value):
     shield = Shield(**given)
     shield.filter(*rows(2), PERIOD)
     snapshot = shield.snapshot()
-    sampled_memory(snapshot["memory"], *snapshot["size"].tolist())[0].rows.plans[name][1] = value
+    sampled_memory(snapshot["memory"], *snapshot["size"].tolist(), PLANS)[0].rows.plans[name][1] = value
     with pytest.raises(ValueError, match="snapshot must hold stops"):
         shield.restore(snapshot)
 

@@ -5,7 +5,7 @@ from decimal import Decimal, localcontext
 
 import pytest
 
-from quadsafe_core.maths.lag import lag_shares
+from quadsafe_core.maths.lag import lag_shares, new_shares
 
 RATIOS = (1e-12, 1e-3, 0.1, 0.7, 2.0, 3.999, 4.001, 6.0, 11.0, 40.0)
 
@@ -28,6 +28,13 @@ def test_both_shares_keep_their_digits_at_every_ratio(k):
             exact = exact_share(k, theta)
             assert abs(Decimal(old) - exact) <= Decimal("2e-15") * max(exact, Decimal("1e-6"))
             assert abs(Decimal(new) - (1 - exact)) <= Decimal("2e-15") * (1 - exact)
+
+
+@pytest.mark.interpreted
+def test_all_new_shares_at_once_are_those_of_one_after_the_other():
+    for theta in (*RATIOS, 800.0):
+        alone = [lag_shares(k, theta, 1.0)[1] for k in range(5)]
+        assert new_shares(theta, 1.0) == pytest.approx(alone, rel=4e-15)
 
 
 @pytest.mark.interpreted

@@ -9,7 +9,7 @@ from shields.blocks.block import CALM, block_for, fill
 from shields.blocks.calm import look_at_block
 from shields.interface.records import Bodies, Measured
 from shields.methods.flight_bounds import bounds_of
-from shields.methods.memory import kind_of, sampled_memory, settings_of
+from shields.methods.memory import PLANS, kind_of, sampled_memory, settings_of
 
 PERIOD = 0.01
 LIMITS = {"held_snap_max": 1000.0, "jerk_max": 59.0, "specific_thrust_min": 3.9, "specific_thrust_max": 22.0}
@@ -64,7 +64,7 @@ def calm_of(shield, flat, center, radius, snap):
     """Which rows of one block are found calm, after a call of the shield."""
     n, k = radius.shape
     shield.filter(flat, Obstacles.spheres(center, radius), snap, PERIOD)
-    held, _ = sampled_memory(shield._method.memory, n, k)
+    held, _ = sampled_memory(shield._method.memory, n, k, PLANS)
     kind = kind_of(shield.settings, bounds_of(shield.settings), has_tube=False, size=(1, 1))
     settings = settings_of(held.settings[0], tuple(kind))
     measured, block = Measured(flat, Bodies(center, held.velocities, radius), snap), block_for(k)

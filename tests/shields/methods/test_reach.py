@@ -14,7 +14,7 @@ from shields.interface.bodies import Kept
 from shields.interface.records import Bodies, FlightLimits, ThrustBand
 from shields.methods import memory
 from shields.methods.halfspace import Sampling, distance_demand, excess
-from shields.methods.memory import sampled_memory
+from shields.methods.memory import PLANS, sampled_memory
 from shields.methods.reach import SLACK, UNSEEN, reach_of
 
 MARGIN, U_MAX = 0.005, 200.0
@@ -61,7 +61,9 @@ def flight(shield, bodies, rng, n, steps, period=0.02):
         derivatives = [*np.moveaxis(flat, 1, 0), answer.snap]
         flat = np.stack([sum(powers[j - i] * derivatives[j] for j in range(i, 5)) for i in range(4)], axis=1)
         flat[:, 1] *= 0.98
-    return np.array(told), sampled_memory(shield._method.memory, n, len(bodies.radius[0]))[0].rows.half_spaces
+    return np.array(told), sampled_memory(shield._method.memory, n, len(bodies.radius[0]), PLANS)[
+        0
+    ].rows.half_spaces
 
 
 def both_ways(monkeypatch, has_shapes, steps, **settings):

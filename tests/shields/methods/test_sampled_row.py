@@ -11,7 +11,15 @@ from quadsafe_core.shapes import Obstacles
 from shields import Shield
 from shields.backup.certificate import ACCEPTED, ASTRAY, BLENDED, STOPPED, UNCERTIFIED, standing
 from shields.backup.recovery import RECOVERY_POLE, RECOVERY_SPEED
-from shields.backup.stored_stop import NOTHING, PLAN, advance_stop, dead_beat_snap, reference, write_stop
+from shields.backup.stored_stop import (
+    LED_PLAN,
+    NOTHING,
+    PLAN,
+    advance_stop,
+    dead_beat_snap,
+    reference,
+    write_stop,
+)
 from shields.chains.flat_state import Flat, flown
 from shields.filters.easing import POLE
 from shields.filters.sampled import sampled_input
@@ -24,12 +32,14 @@ from shields.methods.flight_bounds import RESERVED, bounds_of
 from shields.methods.halfspace import excess
 from shields.methods.memory import (
     HALF_SPACE,
+    PLANS,
     SETTINGS,
     Width,
     empty_memory,
     kind_of,
     sampled_memory,
     sampled_size,
+    stops_of,
     tube_memory,
     tube_size,
     write_settings,
@@ -109,18 +119,21 @@ def test_an_authority_arrives_with_a_reserve_for_the_feedback():
 
 
 @pytest.mark.interpreted
-def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes():
-    n, k, delay = 5, 3, 2
-    memory = empty_memory(n, k, sampled_size(n, k) + tube_size(n, k, delay, True), delay, True)
+@pytest.mark.parametrize("lag", [None, 1])
+def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes(lag):
+    n, k, delay, stops = 5, 3, 2, stops_of(lag)
+    size = sampled_size(n, k, stops.itemsize) + tube_size(n, k, delay, True, stops.itemsize)
+    memory = empty_memory(n, k, size, delay, True)
     assert not memory[32:].any()
-    held, rest = sampled_memory(memory, n, k)
+    held, rest = sampled_memory(memory, n, k, stops)
     assert held.settings[0][["rows", "obstacles", "delay", "looks_ahead"]].item() == (n, k, delay, 1)
-    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, delay, True)]
+    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, (delay, True), stops)]
     begin = memory.ctypes.data
     for part in parts:
         assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
         begin += part.nbytes
     assert begin == memory.ctypes.data + memory.nbytes
+    assert held.rows.plans.dtype == (LED_PLAN if lag else PLAN)
     # Where no answer can be on its way or lost, nothing is kept of what comes.
     assert tube_size(n, k, 0, False) == n * k * 8
 
@@ -368,7 +381,7 @@ def test_forgetting_a_row_empties_its_half_spaces_and_its_stop_alone():
     shield.filter(flat, Obstacles.spheres(center, radius), np.zeros((3, 3)), PERIOD)
 
     def parts():
-        return sampled_memory(shield.snapshot()["memory"], 3, 2)[0].rows
+        return sampled_memory(shield.snapshot()["memory"], 3, 2, PLANS)[0].rows
 
     before = parts()
     assert before.half_spaces["n"].any(axis=(1, 2)).all() and before.plans["is_stored"].all()

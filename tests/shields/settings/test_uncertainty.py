@@ -36,7 +36,9 @@ KINDS = {
     "wind": Uncertainty(wind=0.3),
     "delay": Uncertainty(delay=1),
     "losses": Uncertainty(losses=True),
+    "lag": Uncertainty(rotor_lag=0.072),
     "all": ALL,
+    "all late": ALL._replace(rotor_lag=0.0375),
 }
 
 
@@ -116,7 +118,7 @@ def test_the_error_ahead_is_that_of_the_chain():
     np.testing.assert_allclose(added[3], 15.0 * period, rtol=1e-12)
 
 
-@pytest.mark.parametrize("declared", [Uncertainty(), {}, {"wind": 0.0}, None])
+@pytest.mark.parametrize("declared", [Uncertainty(), {}, {"wind": 0.0, "rotor_lag": 0.0}, None])
 def test_no_uncertainty_is_the_same_shield_bit_for_bit(declared, flights):
     assert Shield(uncertainty=declared).settings == Shield().settings
     plain, told = (
@@ -137,7 +139,7 @@ def test_attacks_within_the_bounds_find_nothing(kind, rate, flights):
     assert found.changed > 0.2 * found.steps and found.clearance.min() < 0.1
 
 
-@pytest.mark.parametrize("kind", ["estimate", "delay", "losses", "all"])
+@pytest.mark.parametrize("kind", ["estimate", "delay", "losses", "lag", "all"])
 def test_a_shield_that_is_not_told_lets_them_through(kind, flights):
     assert flights.fly(None, KINDS[kind], 50, 100, 0).violated_episodes > 0
 
@@ -345,6 +347,11 @@ def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
         ({"delay": True}, "uncertainty.delay must be a whole number"),
         ({"delay": 101}, "uncertainty.delay must be a whole number from 0 to 100, got 101"),
         ({"losses": 1}, "uncertainty.losses must be True or False, got 1"),
+        ({"rotor_lag": -0.01}, "uncertainty.rotor_lag must be a finite number >= 0, got -0.01"),
+        (
+            {"rotor_lag": (0.01, 0.02)},
+            "uncertainty.rotor_lag must be one number, in s, and no interval, got (0.01,",
+        ),
         ({"noise": 1.0}, "a field of uncertainty must be one of 'position', 'velocity'"),
         (0.1, "uncertainty must be an Uncertainty or a mapping"),
     ],
