@@ -96,7 +96,7 @@ def count_batch(flat, desired, answer, steps, watches, line, shared):
         answer: the numbers of a ``Filtered``.
         steps: (N,) ``STEP``.
         watches: (N,) ``WATCH``.
-        line: (N, d + 1, 3) answers that are on their way, see ``watch_row``.
+        line: answers that are on their way, see ``watch_row``.
         shared: (1,) ``SHARED``.
     """
     if shared[0]["is_first"]:
@@ -149,7 +149,8 @@ class Recorder:
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
         self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
-        self._line, self._was_surprised = np.zeros((rows, shield.delay + 1, 3)), False
+        places = shield.delay + (2 if lag_of(shield.settings) > 0.0 else 1)
+        self._line, self._was_surprised = np.zeros((rows, places, 3)), False
         self._shared, self._period = np.zeros(1, dtype=SHARED), np.nan
 
     def begin(self) -> None:
@@ -214,7 +215,6 @@ class Recorder:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
         self._is_named[rows], self._watches["is_known"][rows], self._line[rows] = False, False, 0.0
-        self._watches["lagged"][rows] = 0.0
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun

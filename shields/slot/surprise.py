@@ -36,7 +36,6 @@ SENTENCE = (
 WATCH = np.dtype(
     [
         ("last", "f8", (4, 3)),  # flat state of the last sample, SI
-        ("lagged", "f8", (3,)),  # behind a lag the snap that it was at then, m/s⁴
         ("is_known", "?"),  # whether there was one since the row was reset
     ],
     align=True,
@@ -55,33 +54,25 @@ SHARED = np.dtype(
 
 
 @kernel
-def mean_snap(k, snap, watch, shared):
+def mean_snap(k, snap, lagged, shared):
     """What takes the place of a held snap in the k-fold integral behind a lag: (L1)."""
-    s, (old, new) = watch["lagged"], lag_shares(k, shared["period"], shared["lag"])
-    return combined(scale(new, snap), old, (s[0], s[1], s[2]))
+    old, new = lag_shares(k, shared["period"], shared["lag"])
+    return combined(scale(new, snap), old, lagged)
 
 
 @kernel
-def expected(x, snap, watch, shared):
-    """The flat state a period later, behind the lag that was told."""
+def expected(x, snap, lagged, shared):
+    """The flat state a period later, behind the lag that was told, from the snap ``lagged`` on."""
     period = shared["period"]
     if not shared["lag"] > 0.0:
         return flown(x, snap, period)
     # Every order has a mean of its own.
     return Flat(
-        flown(x, mean_snap(4, snap, watch, shared), period).r,
-        flown(x, mean_snap(3, snap, watch, shared), period).v,
-        flown(x, mean_snap(2, snap, watch, shared), period).a,
-        flown(x, mean_snap(1, snap, watch, shared), period).j,
+        flown(x, mean_snap(4, snap, lagged, shared), period).r,
+        flown(x, mean_snap(3, snap, lagged, shared), period).v,
+        flown(x, mean_snap(2, snap, lagged, shared), period).a,
+        flown(x, mean_snap(1, snap, lagged, shared), period).j,
     )
-
-
-@kernel
-def follow(snap, watch, shared):
-    """Move the snap behind the lag on by a period."""
-    if shared["lag"] > 0.0:
-        s = watch["lagged"]
-        s[0], s[1], s[2] = mean_snap(0, snap, watch, shared)
 
 
 @inline_kernel
@@ -93,11 +84,13 @@ def watch_row(i, flat, answer, watch, line, shared):
         flat: (N, 4, 3) flat states that came, SI.
         answer: (N, 3) snaps, m/s⁴, that are sent on their way.
         watch: ``WATCH`` of the row.
-        line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now.
+        line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now. Behind a lag
+            (N, d + 2, 3): before them stands the snap that the row is at.
         shared: ``SHARED``.
     """
     x, is_off = flat_of_row(i, flat), False
     last, most, told = watch["last"], shared["most"], shared["off"]
+    first = 1 if shared["lag"] > 0.0 else 0
     if watch["is_known"]:
         was = Flat(
             (last[0, 0], last[0, 1], last[0, 2]),
@@ -105,7 +98,8 @@ def watch_row(i, flat, answer, watch, line, shared):
             (last[2, 0], last[2, 1], last[2, 2]),
             (last[3, 0], last[3, 1], last[3, 2]),
         )
-        p = expected(was, triple(line, i, 0), watch, shared)
+        lagged, snap = triple(line, i, 0), triple(line, i, first)
+        p = expected(was, snap, lagged, shared)
         off = (
             norm(subtract(x.r, p.r)),
             norm(subtract(x.v, p.v)),
@@ -116,10 +110,11 @@ def watch_row(i, flat, answer, watch, line, shared):
             is_off |= not off[order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
         if is_off:
             told[0], told[1], told[2], told[3] = off
-        follow(triple(line, i, 0), watch, shared)
+        if first > 0:
+            write3(line[i, 0], mean_snap(0, snap, lagged, shared))
     for order in range(4):
         last[order, 0], last[order, 1], last[order, 2] = x[order]
-    for place in range(line.shape[1] - 1):
+    for place in range(first, line.shape[1] - 1):
         write3(line[i, place], triple(line, i, place + 1))
     write3(line[i, line.shape[1] - 1], vector(answer[i]))
     watch["is_known"] = True
