@@ -18,6 +18,7 @@ from quadsafe_core.maths.counter_rng import uniform
 from quadsafe_env.disturbances.disturbance import Disturbance
 from quadsafe_env.disturbances.draws import IMPULSE, JITTER, air_of, directed, period_key
 from quadsafe_env.disturbances.rotor_lag import asked_wrench, lagged
+from quadsafe_env.disturbances.rotor_thrusts import begin_thrusts, rotor_step
 from quadsafe_env.simulation.block import (
     CLIPPED,
     CRASH,
@@ -52,7 +53,6 @@ from quadsafe_env.simulation.rows import FLAGS, rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
 from quadsafe_env.vehicle.params import QuadrotorParams
-from quadsafe_env.vehicle.rotors import limited_step
 from quadsafe_env.vehicle.state import THRUST, lane_state, store_lane
 
 
@@ -148,15 +148,17 @@ def fly_row(block, lane, row, among, told, m):
     ``among`` are the number of spheres and the ``Around`` of bodies, or None; ``told`` a ``Plant``, ``drive``
     and a ``Disturbance``; ``m`` the row's record of the dtype ``WEATHER``.
     """
-    plant, (rotors, lead), d = told
+    plant, (rotors, lead, slow), d = told
     dt, steps = plant.dt, steps_of(plant.substeps, d, m)
     vehicle, air = true_vehicle(plant.params, m), air_of(dt * m["steps"], d, m)
     snap, yaw_acceleration = lane_triple(block, U(LANES * SNAP + lane)), block[LANES * YAW + lane]
     before = lane_state(block, U(lane))
     s = before[0:3] + struck(before[3:6], d, m) + before[6:20]
+    if m["steps"] == 0:
+        begin_thrusts(s, slow, m)
     for _ in range(steps):
         given = lagged(asked_wrench(s, snap, yaw_acceleration, plant, lead, m), m)
-        after, is_clipped = limited_step(pushed(s, air, d), given, vehicle, rotors, dt)
+        after, is_clipped = rotor_step(pushed(s, air, d), given, vehicle, rotors, slow, dt, m)
         after = pushed(after, air, d)
         if is_clipped:
             block[LANES * CLIPPED + lane] = 1.0
@@ -174,9 +176,9 @@ def fly_row(block, lane, row, among, told, m):
 def advance_disturbed_batch(numbers, drive, closes, memory, scene_memory, body_memory, weather):
     """Hold what is flown for a control period, as ``advance_batch`` does; observations are not written.
 
-    ``numbers`` are a ``DisturbedPlant``, raveled; ``drive`` are the fields of ``Rotors`` and the numbers of
-    ``rotor_lag.lag_lead``, each None without; ``body_memory`` is that of ``SceneBodies``, or None among
-    spheres at rest; ``weather`` is (N,) of the dtype ``WEATHER``.
+    ``numbers`` are a ``DisturbedPlant``, raveled; ``drive`` are the fields of ``Rotors``, the numbers of
+    ``rotor_lag.lag_lead`` and the fields of ``SlowRotors``, each None without; ``body_memory`` is that of
+    ``SceneBodies``, or None among spheres at rest; ``weather`` is (N,) of the dtype ``WEATHER``.
     """
     (plant, d), rows = unraveled(numbers, DisturbedPlant), rows_in(borrowed(memory))
     scenes, around = columns_among(scene_memory, body_memory), around_of(scene_memory, body_memory)

@@ -18,6 +18,7 @@ from quadsafe_env.disturbances.draws import (
     lost_batch,
 )
 from quadsafe_env.disturbances.rotor_lag import lag_lead
+from quadsafe_env.disturbances.rotor_thrusts import slow_rotors
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import Conditions, lag_interval
@@ -59,9 +60,11 @@ class DisturbedWorld(World):
         self._disturbance = raveled(met)
         self._disturbed_plant = np.concatenate([self._plant, self._disturbance])
         # The middle of an interval is off by the least. Without a lead the kernels are compiled without it.
-        lag = 0.5 * sum(lag_interval(conditions))
-        lead = lag_lead(lag, 1.0 / self.rates.physics) if compensates_lag and lag > 0.0 else None
-        self._drive = (self._rotors, lead)
+        dt, rise, fall = 1.0 / self.rates.physics, conditions.rotor_rise, conditions.rotor_fall
+        lag = 0.5 * (sum(lag_interval(conditions)) + rise + fall)
+        lead = lag_lead(lag, dt) if compensates_lag and lag > 0.0 else None
+        slow = tuple(slow_rotors(params, rise, fall, dt)) if rise > 0.0 else None
+        self._drive = (self._rotors, lead, slow)
         # The other interfaces do not feed the estimate back.
         feeds_back = settings["action"] == "velocity"
         self._feedback = velocity_gains(self.control_period) if feeds_back else NO_FEEDBACK

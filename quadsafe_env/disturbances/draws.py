@@ -44,6 +44,8 @@ ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 # | turbulence | 3        | the Gauss–Markov noise, before its limit, m/s²                          |
 # | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
 # | believed   | 4        | the lagged wrench as an inner loop that is told of the lag counts it    |
+# | thrusts    | 4        | of the rotors that lag one by one, N                                    |
+# | collective | 2        | thrust, N, and its rate, N/s, that these are asked for together         |
 # | through    | 4        | snap, m/s⁴, and yaw acceleration, rad/s², that got through last         |
 # | flown      | 4        | snap and yaw acceleration that are flown in this period                 |
 WEATHER = np.dtype(
@@ -60,6 +62,8 @@ WEATHER = np.dtype(
         ("turbulence", np.float64, 3),
         ("wrench", np.float64, 4),
         ("believed", np.float64, 4),
+        ("thrusts", np.float64, 4),
+        ("collective", np.float64, 2),
         ("through", np.float64, 4),
         ("flown", np.float64, 4),
     ]

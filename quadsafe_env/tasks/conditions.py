@@ -24,6 +24,8 @@
 |                      |         | whole physics steps, at least one                                         |
 | `impulse`            | m/s     | length of a sudden change of the velocity in a random direction           |
 | `impulse_rate`       | 1/s     | of such changes; one happens in a period T with probability 1 − e^(−rT)   |
+| `rotor_rise`, …      | s       | time constants of first-order lags of the thrusts of four rotors that     |
+|                      |         | rise, and with `rotor_fall` fall; each then keeps to [0, thrust_max/4]    |
 
 What is random is uniform, but for the turbulence, and a function of the scene's integer and of the number of
 control periods flown: the same scene is the same weather. ``docs/conditions.md`` has the formulas, and what the
@@ -39,17 +41,17 @@ from quadsafe_core.checks import checked_when_made, exact_array, non_negative_nu
 from quadsafe_core.presets import from_mapping, from_sequence
 
 PROBABILITIES = ("loss",)
+PAIRS = (("impulse", "impulse_rate"), ("rotor_rise", "rotor_fall"))
 FRACTIONS = ("gain", "mass_error", "inertia_error", "jitter")
 
 
 def _checked(conditions: "Conditions") -> "Conditions":
     """Every field in its range, and a float but for the delay."""
     checked = Conditions._make(_field(name, value) for name, value in conditions._asdict().items())
-    if (checked.impulse > 0.0) != (checked.impulse_rate > 0.0):
-        raise ValueError(
-            f"impulse and impulse_rate must both be 0 or both be > 0, "
-            f"got {checked.impulse:g} and {checked.impulse_rate:g}"
-        )
+    for one, other in PAIRS:
+        a, b = getattr(checked, one), getattr(checked, other)
+        if (a > 0.0) != (b > 0.0):
+            raise ValueError(f"{one} and {other} must both be 0 or both be > 0, got {a:g} and {b:g}")
     return checked
 
 
@@ -104,6 +106,8 @@ class Conditions(NamedTuple):
     jitter: float = 0.0
     impulse: float = 0.0
     impulse_rate: float = 0.0
+    rotor_rise: float = 0.0
+    rotor_fall: float = 0.0
 
 
 OFF = Conditions()
@@ -141,7 +145,7 @@ CONDITIONS = {
         jitter=0.2,
     ),
 }
-UNBOUNDED = ("rotor_lag", "jitter", "impulse")
+UNBOUNDED = ("rotor_lag", "rotor_rise", "jitter", "impulse")
 # The turbulence is at most so many standard deviations long.
 TURBULENCE_LIMIT = 3.0
 # Error of the snap that the inner loop flies, m/s⁴: more than in 99.99 % of periods of random snaps at 50 to

@@ -10,6 +10,7 @@ from gymnasium.envs.registration import EnvSpec
 
 import quadsafe_env  # noqa: F401
 from quadsafe_env.disturbances.rotor_lag import after_lag, lag_lead, lag_of_step
+from quadsafe_env.disturbances.rotor_thrusts import slow_rotors, thrust_after, thrust_rate
 from quadsafe_env.simulation.world import Passed
 from quadsafe_env.tasks.conditions import Conditions
 from quadsafe_env.vehicle.actions import INTERFACES
@@ -148,6 +149,52 @@ def test_every_interface_flies_the_lagged_chain_if_the_loop_is_told(action):
     assert (told < 0.08 * untold).all()
 
 
+# Rotors one by one
+
+
+@pytest.mark.interpreted
+def test_a_thrust_rises_and_falls_with_its_own_time_constant():
+    slow = slow_rotors(VEHICLES["crazyflie"], 0.055, 0.249, 0.002)
+    for before, command, T in ((0.01, 0.1, 0.055), (0.1, 0.01, 0.249)):
+        after, mean = thrust_after(before, command, slow.rise, slow.fall)
+        assert after == pytest.approx(command + (before - command) * math.exp(-0.002 / T))
+        assert mean == pytest.approx(0.5 * (before + after), rel=1e-3)
+        assert thrust_rate(before, command, slow.rise, slow.fall) == pytest.approx((command - before) / T)
+
+
+def flown_states(conditions, scale, action="snap", **keywords):
+    """States of four rows after 0.4 s of random commands, and whether a rotor was at a stop."""
+    env = gymnasium.make_vec(
+        "QuadSafe/Avoid-v0", 4, action=action, obstacles=[], conditions=conditions, **keywords
+    ).unwrapped
+    env.reset(seed=0)
+    rng, is_clipped = np.random.default_rng(0), False
+    for _ in range(10):
+        actions = scale * rng.uniform(-1, 1, (4, 4)).astype(np.float32)
+        is_clipped |= bool(env.step(actions)[4]["saturated"].any())
+    return env.state, is_clipped, env._world._weather["thrusts"]
+
+
+@pytest.mark.parametrize("told", [False, "told"])
+def test_rotors_that_rise_as_they_fall_lag_as_the_wrench_does(told):
+    T, scale = 0.0375, np.array([0.4, 0.4, 0.4, 0.05], np.float32)
+    states, is_clipped, _ = flown_states({"rotor_rise": T, "rotor_fall": T}, scale, lag_compensation=told)
+    wrench, other = (flown_states({"rotor_lag": lag}, scale, lag_compensation=told) for lag in (T, 0.5 * T))
+    assert not is_clipped
+    off, much = np.abs(states - wrench[0]).max(axis=0), np.abs(other[0] - wrench[0]).max(axis=0)
+    assert (off[3:6] < 0.02 * much[3:6]).all() and (off[15:17] < 0.02 * much[15:17]).all()
+    slower, _, _ = flown_states({"rotor_rise": T, "rotor_fall": 3 * T}, scale, lag_compensation=told)
+    assert np.abs(slower - states).max(axis=0)[3:6].min() > 0.1 * much[3:6].min()
+
+
+def test_rotors_that_lag_keep_to_their_range_and_say_so():
+    params = VEHICLES["crazyflie"]
+    scale = np.array([1.0, 1.0, 1.0, 1.0], np.float32)
+    _, is_clipped, thrusts = flown_states({"rotor_rise": 0.055, "rotor_fall": 0.249}, scale, "rates")
+    assert is_clipped
+    assert (thrusts >= 0.0).all() and (thrusts <= params.thrust_max / 4.0).all()
+
+
 # The lag of a row
 
 
@@ -218,6 +265,10 @@ def test_an_interval_goes_through_a_spec():
         (
             {"conditions": {"rotor_lag": (0.04, 0.02)}},
             r"rotor_lag must be \[least, greatest\] with 0 <= least <= greatest, got \(0.04, 0.02\)",
+        ),
+        (
+            {"conditions": {"rotor_rise": 0.05}},
+            r"rotor_rise and rotor_fall must both be 0 or both be > 0, got 0.05 and 0",
         ),
         ({"conditions": {"rotor_lag": [0.1, 0.2, 0.3]}}, r"rotor_lag must have shape \(2,\), got \(3,\)"),
     ],
