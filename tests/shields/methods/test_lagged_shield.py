@@ -104,7 +104,6 @@ def test_at_rest_what_lies_between_the_vehicle_and_its_lead_is_clear_for_ever():
     assert not ray_and_point_are_clear(None, (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), NOTHING, 0.5)
 
 
-@pytest.mark.interpreted
 def test_no_error_takes_the_vehicle_or_its_lead_out_of_the_tube():
     declared = Uncertainty(0.01, 0.03, 0.1, 0.5, snap=20.0, wind=0.3, rotor_lag=LAG)
     tube, rng, n = tube_of(declared, PERIOD, LIMITS), np.random.default_rng(3), 300
@@ -120,7 +119,6 @@ def test_no_error_takes_the_vehicle_or_its_lead_out_of_the_tube():
             x, after = lagged(e, s + push, u + push, t)
             x = x + (wind * np.array([t * t / 2, t, 0.0, 0.0]))[..., None]
             ahead = x[..., 0] + LAG * np.column_stack([x[:, 1:, 0], after - push])
-            ahead[:, 0] += 0.0
             largest = np.maximum(largest, [np.abs(x[..., 0]).max(axis=0), np.abs(ahead).max(axis=0)])
         e, s = x, after - push
     # The speed is not asked of anything.
