@@ -28,6 +28,8 @@ from shields.interface.records import ThrustBand  # noqa: F401 - it was imported
 # the hull of the control points is then within a millimetre of the path.
 MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
+# The hull of a piece and the vehicle behind it gets no shorter with the piece: its plane is turned more often.
+MORE_ROUNDS = 9
 # What a look at an arc finds.
 CLEAR, UNSURE, HIT = range(3)
 
@@ -102,7 +104,7 @@ def piece_clears_core(core, points, center, drift, radius):
     """``piece_clears`` of a core of more than a point: the plane is turned towards its nearest point."""
     start, end = subtract(first_of(points), center), subtract(points[4], add(center, drift))
     nearest = nearest_point(core[0], core[1], start)
-    for _ in range(ROUNDS):
+    for _ in range(ROUNDS + MORE_ROUNDS * (len(points) - 5)):
         way = nearest_on_chord(subtract(start, nearest), subtract(end, nearest))
         n = facing(core, way)
         if is_separated(core, n, norm(n), points, center, drift, radius):
