@@ -65,13 +65,15 @@ def load_checkpoint(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
         ValueError: for a file that holds anything but a checkpoint of this training.
         FileNotFoundError: if there is none.
     """
-    try:
-        table = _unpacked(torch.load(path, map_location="cpu", weights_only=True))
-        _restore(model, table)
-        return table["counted"]
-    except UNREADABLE as error:
-        reason = str(error).partition("\n")[0]
-        raise ValueError(f"{path} must hold a checkpoint of this training, got: {reason}") from error
+    with path.open("rb") as file:
+        try:
+            table = _unpacked(torch.load(file, map_location="cpu", weights_only=True))
+            _restore(model, table)
+            return table["counted"]
+        # A file that was cut is one of the system's errors or another, by where it was.
+        except (*UNREADABLE, OSError) as error:
+            reason = str(error).partition("\n")[0]
+            raise ValueError(f"{path} must hold a checkpoint of this training, got: {reason}") from error
 
 
 def _restore(model: BaseAlgorithm, table: dict[str, Any]) -> None:

@@ -69,6 +69,7 @@ KEYWORDS = {
     "conditions, a preset": ("Avoid", {"conditions": "indoor"}),
     "conditions, a mapping": ("Avoid", {"conditions": {"delay": np.int64(1), "wind": np.float64(0.1)}}),
     "conditions, a named tuple": ("Avoid", {"conditions": Conditions(position_noise=0.01, delay=1)}),
+    "lag_compensation": ("Avoid", {"conditions": {"rotor_lag": np.float32(0.02)}, "lag_compensation": "told"}),
     "render_mode": ("Avoid", {"render_mode": "rgb_array"}),
     "render_size": ("Avoid", {"render_mode": "rgb_array", "render_size": np.int64(64)}),
     "camera, a mapping": ("Avoid", {"camera": {"azimuth": np.float32(20.0), "follow": np.True_}}),

@@ -226,7 +226,7 @@ def test_loading_a_checkpoint_executes_nothing(tmp_path, place):
     assert planted.exists()
 
 
-@pytest.mark.parametrize("damage", ["cut", "other experiment", "other shield"])
+@pytest.mark.parametrize("damage", ["cut", "cut far", "other experiment", "other shield"])
 def test_what_is_no_checkpoint_of_this_training_is_refused(tmp_path, damage):
     run = new_run(tmp_path, "shield", **SMALL)
     run.stop_file.touch()
@@ -235,6 +235,8 @@ def test_what_is_no_checkpoint_of_this_training_is_refused(tmp_path, damage):
     own = run.experiment
     if damage == "cut":
         path.write_bytes(path.read_bytes()[:-1000])
+    elif damage == "cut far":
+        path.write_bytes(path.read_bytes()[:1000])
     elif damage == "other experiment":
         own = replace(own, hyperparams={**own.hyperparams, "n_envs": 16})
     else:
