@@ -3,7 +3,7 @@
     pip install crazyflow
     export SCIPY_ARRAY_API=1    # crazyflow asks for it where scipy is imported before it
     python benchmarks/peer_steps.py
-    PYTHONPATH=../before python benchmarks/peer_steps.py    # of another build, a worktree beside this one
+    PYTHONPATH=../before python benchmarks/peer_steps.py --threads 1    # of a build before, beside this one
 
 16,384 vehicles at 50 Hz with ten physics steps in each. Ours: `gymnasium.make_vec` with the shield, random
 velocity and snap commands, RK4, observations, rewards and resets. Crazyflow: its physics step alone, ten in one
@@ -11,9 +11,11 @@ call, attitude commands, its default dynamics and integrator. Medians of the wal
 every core.
 """
 
+import argparse
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
+from itertools import product
 from typing import Any
 
 import gymnasium
@@ -26,9 +28,10 @@ ROWS, REPEATS, WARM = 16_384, 15, 3
 RATES = {"policy_hz": 50, "control_hz": 50, "physics_hz": 500}
 
 
-def shielded(action: str) -> Callable[[], object]:
+def shielded(action: str, threads: int) -> Callable[[], object]:
     """A shielded step under random actions."""
-    env = VectorShieldWrapper(gymnasium.make_vec("QuadSafe/Avoid-v0", ROWS, action=action, **RATES))  # type: ignore[arg-type]
+    settings: dict[str, Any] = {"action": action, **RATES, **({"threads": threads} if threads > 1 else {})}
+    env = VectorShieldWrapper(gymnasium.make_vec("QuadSafe/Avoid-v0", ROWS, **settings))
     env.reset(seed=0)
     rng = np.random.default_rng(0)
     actions = [rng.uniform(-1, 1, (ROWS, 4)).astype(np.float32) for _ in range(8)]
@@ -66,7 +69,10 @@ def medians(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
 
 
 def main() -> None:
-    calls = {action: shielded(action) for action in ("velocity", "snap")}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
+    cells = product(("velocity", "snap"), parser.parse_args().threads)
+    calls = {f"{action}, {threads}": shielded(action, threads) for action, threads in cells}
     if find_spec("crazyflow"):
         calls["crazyflow"] = crazyflow_step()
     else:
