@@ -15,7 +15,6 @@ import argparse
 import time
 from collections.abc import Callable
 from importlib.util import find_spec
-from itertools import product
 from typing import Any
 
 import gymnasium
@@ -71,8 +70,8 @@ def medians(calls: dict[str, Callable[[], object]]) -> dict[str, float]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2])
-    cells = product(("velocity", "snap"), parser.parse_args().threads)
-    calls = {f"{action}, {threads}": shielded(action, threads) for action, threads in cells}
+    counts: list[int] = parser.parse_args().threads
+    calls = {f"{action}, {n}": shielded(action, n) for action in ("velocity", "snap") for n in counts}
     if find_spec("crazyflow"):
         calls["crazyflow"] = crazyflow_step()
     else:
