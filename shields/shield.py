@@ -62,7 +62,7 @@ class Shield:
 
     With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
     is within its bound: a tube around each stored stop holds them all, and is kept out of the obstacles and
-    within the limits (``shields.settings.uncertainty``). Then ``value`` is that of the radius with the tube.
+    within the limits (``shields.settings.tube``). Then ``value`` is that of the radius with the tube.
 
     Every departure is reported in ``Filtered``.
 

@@ -1,7 +1,7 @@
 """Whether the state that came is the one that was to be expected, within the errors that were declared.
 
 From the state x̂ of the last sample, and the snap that was flown since, the chain predicts the next one. With
-errors E of the estimate and D of a period (``shields.settings.uncertainty``) the state that comes is off that
+errors E of the estimate and D of a period (``shields.settings.tube``) the state that comes is off that
 by at most
 
     E + A E + D        entry by entry, A the chain over a period
@@ -22,7 +22,9 @@ from quadsafe_core.maths.lag import lag_shares
 from shields.chains.flat_state import Flat, flown
 from shields.interface.row_checks import flat_of_row
 from shields.methods.flight_bounds import bounds_of
-from shields.settings.uncertainty import Uncertainty, chain_over, checked_uncertainty, predicted_error
+from shields.settings.chain import added_over, chain_over
+from shields.settings.tube import wrong_in
+from shields.settings.uncertainty import Uncertainty, checked_uncertainty, lag_told
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).
 MEASURED_SNAP = 15.0
@@ -129,15 +131,17 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
         period: Δ, s.
         snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
     """
-    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0, rotor_lag=0.0)
-    error, added = predicted_error(told, period, snap_max)
-    return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
+    known, (step, _) = wrong_in(told._replace(rotor_lag=0.0), period, snap_max), chain_over(period)
+    # The snap behind a lag in an interval is off by so much.
+    off = added_over(period, wrong_in(told, period, snap_max).seldom.most, 0.0) + step @ known.seldom.push
+    return (known.error + step @ known.error + known.added + off) * (1.0 + 1e-6)
 
 
 def lag_of(settings: Mapping[str, Any]) -> float:
     """The lag that a shield of these settings was told, s."""
     declared = settings["uncertainty"]
-    return 0.0 if declared is None else declared["rotor_lag"]
+    return 0.0 if declared is None else lag_told(Uncertainty(**declared)).told
 
 
 def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:

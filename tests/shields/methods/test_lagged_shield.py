@@ -16,7 +16,7 @@ from shields.chains.lagged import lagged_flow
 from shields.interface.bodies import Kept
 from shields.interface.records import FlightLimits, ThrustBand
 from shields.methods.halfspace import Sampling, demand_along
-from shields.settings.uncertainty import tube_of
+from shields.settings.tube import tube_of
 from shields.slot.recorder import Recorder
 
 LAG, PERIOD = 0.05, 0.02
