@@ -10,7 +10,7 @@ from quadsafe_core.flight_model import FlightModel
 from quadsafe_env.signals.told_worlds import ToldWorld
 from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.split_world import AnyWorld, SplitWorld
-from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, followed_lag, uncertainty_under
 from quadsafe_env.vehicle.authority import authority, yaw_range
 from quadsafe_env.vehicle.inner_loop_error import Flight, lead, snap_error
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -74,6 +74,15 @@ class PlantAccess:
         return uncertainty_under(
             self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.specific_thrust_max
         )
+
+    @property
+    def rotor_lag(self) -> tuple[float, float]:
+        """Least and greatest time constant to declare as ``Uncertainty(rotor_lag=)``, s.
+
+        It is that of the lag which a vehicle with ``lag_compensation="told"`` flies: for ``rotor_rise`` and
+        ``rotor_fall`` the greater of both.
+        """
+        return followed_lag(self.conditions)
 
     @property
     def flight_model(self) -> FlightModel:

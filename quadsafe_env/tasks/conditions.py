@@ -184,6 +184,16 @@ def lag_interval(conditions: Conditions) -> tuple[float, float]:
     return lag if isinstance(lag, tuple) else (lag, lag)
 
 
+def followed_lag(conditions: Conditions) -> tuple[float, float]:
+    """Least and greatest time constant of the one lag that a loop that is told makes of them, s.
+
+    Of rotors that rise and fall with time constants of their own it is the greater one.
+    """
+    low, high = lag_interval(conditions)
+    slowest = max(conditions.rotor_rise, conditions.rotor_fall)
+    return low + slowest, high + slowest
+
+
 def is_lag_told(value: "str | bool") -> bool:
     """Whether the inner loop is told of the lag, from the keyword ``lag_compensation``, "told" or False."""
     if value is False or value == "told":
