@@ -155,7 +155,7 @@ def _told(told: Uncertainty, tried: list[FlightLimits], model: FlightModel) -> s
     def fits(part: Uncertainty) -> bool:
         return any(_fits(error, limits, part, period, MOST_TAKEN) for error, limits in errors)
 
-    return f" with {declared(told)}, of which {largest_part(told, fits)}"
+    return f" with {declared(told)}; {largest_part(told, fits)}"
 
 
 def _scaled(given: Mapping[str, Any], model: FlightModel) -> Iterator[dict[str, Any]]:

@@ -129,7 +129,7 @@ def tube_at(pole: float, wrong: Wrong, period: float) -> Tube:
     sides = np.array([part.max() for part in np.split(most[:-1], ends[:-1])])
     # The jerk of the vehicle follows that of the lead and T d, of which ``added`` has Δ d; and it is the lead's
     # less T s, of which the feedback has a part.
-    sides[3] += wrong.lag * added[3] / period + min(wrong.seldom.most, float(most[-1])) * wrong.lag
+    sides[3] += wrong.lag * (added[3] / period + (most[-1] if wrong.seldom.spread > 0.0 else 0.0))
     return Tube(sides + added + wrong.seldom.most * held_over(period, wrong.lag), float(most[-1]), error, gains)
 
 

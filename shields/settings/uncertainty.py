@@ -148,7 +148,7 @@ def largest_part(uncertainty: Uncertainty, fits: Callable[[Uncertainty], bool]) 
     """The most of an uncertainty that fits, for a sentence of refusal; half a per cent of it less than that."""
     low, high = math.log(LEAST_PART), 0.0
     if not fits(part_of(uncertainty, LEAST_PART)):
-        return "nothing of it would do"
+        return "no smaller bounds would do"
     while high - low > 0.005:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if fits(part_of(uncertainty, math.exp(middle))) else (low, middle)

@@ -416,17 +416,52 @@ def test_the_plant_has_the_bounds_of_its_conditions():
     )
     again = gymnasium.make(shielded.spec)
     assert again.get_wrapper_attr("shield").settings == shielded.shield.settings
-    for name in ("rotor_lag", "jitter"):
-        lagging = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions={name: 0.01})
-        with pytest.raises(ValueError, match=f"{name} must be 0 for bounds"):
-            ShieldWrapper(lagging, uncertainty="conditions")
+    for met, sentence in (
+        ({"jitter": 0.01}, "jitter must be 0 for bounds"),
+        ({"rotor_lag": 0.01}, 'lag_compensation must be "told" for bounds'),
+        ({"impulse": 0.1, "impulse_rate": 1.0}, "impulse_gap must be > 0 for bounds"),
+        ({"rotor_lag": 0.01, "rotor_rise": 0.01, "rotor_fall": 0.02}, "rotor_lag must be 0 where rotor_rise"),
+    ):
+        beyond = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=met)
+        with pytest.raises(ValueError, match=sentence):
+            ShieldWrapper(beyond, uncertainty="conditions")
     with pytest.raises(ValueError, match="uncertainty must be 'conditions', Uncertainty, a mapping or None"):
         ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0"), uncertainty="weather")
 
 
-def collisions(settings, seed=0, n=200):
+@pytest.mark.parametrize(
+    ("met", "told"),
+    [
+        ({"rotor_lag": 0.0375}, {"rotor_lag": 0.0375}),
+        ({"rotor_lag": [0.037, 0.038]}, {"rotor_lag": (0.037, 0.038)}),
+        ({"rotor_rise": 0.03, "rotor_fall": 0.05}, {"rotor_lag": 0.05}),
+        (
+            {"impulse": 0.1, "impulse_rate": 2.0, "impulse_gap": 0.5},
+            {"impulse": 0.1, "impulse_gap": 0.5},
+        ),
+    ],
+)
+def test_what_lags_and_what_pushes_is_among_the_bounds(met, told):
+    plant = {"conditions": met, "lag_compensation": "told"}
+    env = ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", **plant), uncertainty="conditions")
+    found = env.shield.settings["uncertainty"]
+    assert {name: found[name] for name in told} == told
+    assert collisions({"uncertainty": "conditions"}, n=50, **plant) == (0, 0)
+
+
+def test_an_inner_loop_that_is_told_another_lag_has_an_error_that_grows_with_the_difference():
+    errors = []
+    for width in (0.0, 1e-4, 2e-4):
+        met = {"rotor_lag": [0.0375 - width, 0.0375 + width]}
+        env = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=met, lag_compensation="told")
+        errors.append(env.unwrapped.flight_model.snap_error(300.0, 30.0, 5.0, 500))
+    assert errors[0] < errors[1] < errors[2] and errors[2] - errors[1] > 0.9 * (errors[1] - errors[0])
+
+
+def collisions(settings, seed=0, n=200, **plant):
     """Violated flights straight at the goal, through the sphere, under these conditions; steps uncertified."""
-    env = gymnasium.make_vec("quadsafe_env:QuadSafe/Avoid-v0", n, conditions=MET, max_episode_steps=200)
+    plant = {"conditions": MET, **plant}
+    env = gymnasium.make_vec("quadsafe_env:QuadSafe/Avoid-v0", n, max_episode_steps=200, **plant)
     env = env if settings is None else VectorShieldWrapper(env, **settings)
     observations, _ = env.reset(seed=seed)
     violated, open_flights, uncertified = np.zeros(n, bool), np.ones(n, bool), 0
