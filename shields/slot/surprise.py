@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, triple, vector, write3
 from quadsafe_core.maths.lag import lag_shares
-from shields.chains.flat_state import Flat, flown
+from shields.backup.stored_stop import NOTHING
+from shields.chains.flat_state import Flat, flown, write_flat
 from shields.interface.row_checks import flat_of_row
 from shields.methods.flight_bounds import bounds_of
 from shields.settings.chain import added_over, chain_over
@@ -33,14 +34,6 @@ ROUNDING = 1e-9
 SENTENCE = (
     "the state that came is not the one predicted from the last: row {row} is off by {off} in r, v, a and j, "
     "beyond the declared {declared}; what flies it is not what the shield was told"
-)
-# What is remembered of a row to compare with what comes.
-WATCH = np.dtype(
-    [
-        ("last", "f8", (4, 3)),  # flat state of the last sample, SI
-        ("is_known", "?"),  # whether there was one since the row was reset
-    ],
-    align=True,
 )
 # What is the same of all rows in a control period.
 SHARED = np.dtype(
@@ -78,29 +71,25 @@ def expected(x, snap, lagged, shared):
 
 
 @inline_kernel
-def watch_row(i, flat, answer, watch, line, shared):
+def watch_row(i, flat, step, last, line, shared):
     """Compare row i with its prediction, remember it; whether it was off by more than it may be.
 
     Args:
         i: the row.
         flat: (N, 4, 3) flat states that came, SI.
-        answer: (N, 3) snaps, m/s⁴, that are sent on their way.
-        watch: ``WATCH`` of the row.
-        line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now. Behind a lag
-            (N, d + 2, 3): before them stands the snap that the row is at.
+        step: ``STEP`` of the row, with the answer to the last sample still.
+        last: (N, 4, 3) flat states of the last sample, SI.
+        line: (N, d, 3) the answers before it that are on their way, m/s⁴; the first is flown now. Behind a lag
+            (N, d + 1, 3): before them stands the snap that the row is at.
         shared: ``SHARED``.
     """
-    x, is_off = flat_of_row(i, flat), False
-    last, most, told = watch["last"], shared["most"], shared["off"]
-    first = 1 if shared["lag"] > 0.0 else 0
-    if watch["is_known"]:
-        was = Flat(
-            (last[0, 0], last[0, 1], last[0, 2]),
-            (last[1, 0], last[1, 1], last[1, 2]),
-            (last[2, 0], last[2, 1], last[2, 2]),
-            (last[3, 0], last[3, 1], last[3, 2]),
-        )
-        lagged, snap = triple(line, i, 0), triple(line, i, first)
+    x, was, is_off = flat_of_row(i, flat), flat_of_row(i, last), False
+    most, told = shared["most"], shared["off"]
+    first, places = 1 if shared["lag"] > 0.0 else 0, line.shape[1]
+    sent = vector(step["snap_applied"]) if step["is_known"] else NOTHING
+    if step["is_known"]:
+        snap = triple(line, i, first) if places > first else sent
+        lagged = triple(line, i, 0) if first > 0 else snap
         p = expected(was, snap, lagged, shared)
         off = (
             norm(subtract(x.r, p.r)),
@@ -114,12 +103,12 @@ def watch_row(i, flat, answer, watch, line, shared):
             told[0], told[1], told[2], told[3] = off
         if first > 0:
             write3(line[i, 0], mean_snap(0, snap, lagged, shared))
-    for order in range(4):
-        last[order, 0], last[order, 1], last[order, 2] = x[order]
-    for place in range(first, line.shape[1] - 1):
+    write_flat(last[i], x)
+    step["is_known"] = True
+    for place in range(first, places - 1):
         write3(line[i, place], triple(line, i, place + 1))
-    write3(line[i, line.shape[1] - 1], vector(answer[i]))
-    watch["is_known"] = True
+    if places > first:
+        write3(line[i, places - 1], sent)
     return is_off
 
 
