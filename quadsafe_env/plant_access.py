@@ -69,14 +69,15 @@ class PlantAccess:
         """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
 
         Raises:
-            ValueError: for what has no such bounds: jitter, impulses without a gap, or rotors that lag behind
-                an inner loop that is not told.
+            ValueError: for what has no such bounds: impulses without a gap, or rotors that lag behind an inner
+                loop that is not told.
         """
         return uncertainty_under(
             self.conditions,
             speed=SPEED_COUNTED_ON,
             thrust=self.params.specific_thrust_max,
             compensates_lag=self._world.compensates_lag,
+            substeps=self._world.rates.physics // self._world.rates.control,
         )
 
     @property

@@ -29,6 +29,7 @@ class Disturbance(NamedTuple):
     inertia_error: float
     lag: tuple[float, float]
     dt: float
+    substeps: int
     jitter: float
     impulse: float
     impulse_chance: float
@@ -56,6 +57,7 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         inertia_error=c.inertia_error,
         lag=lag_interval(c),
         dt=dt,
+        substeps=round(control_period / dt),
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),

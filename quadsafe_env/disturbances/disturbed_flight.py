@@ -172,6 +172,7 @@ def fly_row(block, lane, row, among, told, m):
     store_lane(block, U(lane), s)
     m["periods"] += 1
     m["steps"] += steps
+    m["lasted"] = steps
 
 
 @kernel

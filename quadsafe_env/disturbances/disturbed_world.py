@@ -98,6 +98,9 @@ class DisturbedWorld(World):
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
         super()._wish(actions, opens)
+        tell = self._slot.held_for
+        if tell is not None:
+            tell(self._weather["lasted"] / self.rates.physics)
         self._estimate(self._disturbance, self._weather, self._feedback, self._flat, self._snap)
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:

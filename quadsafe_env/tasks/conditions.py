@@ -33,6 +33,7 @@ control periods flown: the same scene is the same weather. ``docs/conditions.md`
 filter and the policy see.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -205,7 +206,12 @@ def is_lag_told(value: "str | bool") -> bool:
 
 
 def uncertainty_under(
-    conditions: Conditions, *, speed: float, thrust: float, compensates_lag: bool = False
+    conditions: Conditions,
+    *,
+    speed: float,
+    thrust: float,
+    compensates_lag: bool = False,
+    substeps: int | None = None,
 ) -> dict[str, Any]:
     """Bounds of what the conditions do to the flat state, by the names of ``shields.Uncertainty``.
 
@@ -214,6 +220,7 @@ def uncertainty_under(
         gain      (1 + gain)/(1 − ι) − 1 for an inertia error ι
         wind      wind + gust + 3 turbulence + drag · speed + μ/(1 − μ) · thrust for a mass error μ
         lag       what ``followed_lag`` has, if the inner loop is told of it
+        jitter    that of whole physics steps
 
     A flat acceleration is that of the believed vehicle: what mass and air add to it is wind.
 
@@ -222,14 +229,13 @@ def uncertainty_under(
         speed: largest speed that is counted on, m/s.
         thrust: largest specific thrust of the believed vehicle that is counted on, m/s².
         compensates_lag: whether the inner loop is told of the rotors' lag.
+        substeps: physics steps in a control period; None for any number.
 
     Raises:
-        ValueError: for what has no such bounds: jitter, impulses without a gap, rotors that lag twice, or
-            behind an inner loop that is not told.
+        ValueError: for what has no such bounds: impulses without a gap, rotors that lag twice, or behind an
+            inner loop that is not told.
     """
     met, (least, most) = conditions, followed_lag(conditions)
-    if met.jitter > 0.0:
-        raise ValueError(f"jitter must be 0 for bounds of what the conditions do, got {met.jitter:g}")
     if met.impulse > 0.0 and met.impulse_gap == 0.0:
         raise ValueError(
             f"impulse_gap must be > 0 for bounds of what an impulse of {met.impulse:g} m/s does, got 0"
@@ -255,4 +261,11 @@ def uncertainty_under(
         "rotor_lag": most if least == most else (least, most),
         "impulse": met.impulse,
         "impulse_gap": met.impulse_gap,
+        "jitter": met.jitter if substeps is None else jitter_in_steps(met.jitter, substeps),
     }
+
+
+def jitter_in_steps(jitter: float, substeps: int) -> float:
+    """How much shorter or longer a period of so many physics steps may be, in whole ones, as a share."""
+    shortest = max(1, math.floor(substeps * (1.0 - jitter) + 0.5))
+    return max(math.floor(substeps * (1.0 + jitter) + 0.5) - substeps, substeps - shortest) / substeps

@@ -17,12 +17,14 @@ SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 NOTHING = (0.0, 0.0, 0.0)
+# Of a period: what is less has been flown, but for rounding.
+ALMOST = 1e-4
 
 # The stored stop of one vehicle; behind a lag it is the lead's, and the vehicle is kept too.
 FIELDS = [
     ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
     ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
-    ("periods_left", "i4"),  # of the segment that is flown
+    ("periods_left", "f4"),  # of the segment that is flown; whole where periods last as long as they should
     ("segments_left", "i1"),
     ("choice", "i1"),  # number of the segment length in LENGTHS
     ("is_stored", "?"),
@@ -130,13 +132,41 @@ def reference(plan, period):
 
 
 @kernel
+def next_segment(plan, period):
+    """Go on from the end of the segment that is flown."""
+    x = flown(begin_of(plan), held_snap(plan, period), segment_periods(plan, period) * period)
+    plan["segments_left"] = max(0, plan["segments_left"] - 1)
+    begin_segment(plan, x, period)
+
+
+@kernel
+def shift_stop(plan, period, count):
+    """Move the stored stop on by so many periods, or back within its segment."""
+    plan["periods_left"] -= count
+    while plan["periods_left"] <= ALMOST:
+        left = plan["periods_left"] if plan["periods_left"] < -ALMOST else 0.0
+        next_segment(plan, period)
+        plan["periods_left"] += left
+
+
+@kernel
 def advance_stop(plan, period):
     """Move the stored stop on by one period."""
-    plan["periods_left"] -= 1
-    if plan["periods_left"] == 0:
-        x = flown(begin_of(plan), held_snap(plan, period), elapsed(plan, period))
-        plan["segments_left"] = max(0, plan["segments_left"] - 1)
-        begin_segment(plan, x, period)
+    shift_stop(plan, period, 1.0)
+
+
+@kernel
+def mean_snap(plan, period):
+    """The snap of the stored stop, in the mean of the next period if its segment ends within that."""
+    held, share = held_snap(plan, period), plan["periods_left"]
+    if share >= 1.0 - ALMOST:
+        return held
+    end = flown(flat_of(plan["begin"]), held, segment_periods(plan, period) * period)
+    after = NOTHING
+    if plan["segments_left"] > 1:
+        h = segment_periods(plan, period) * period
+        after = dead_beat_snap(end, vector(plan["frame"]), h)
+    return combined(scale(1.0 - share, after), share, held)
 
 
 @kernel
@@ -151,4 +181,4 @@ def feedback(plan, x, period, gains):
 @kernel
 def tracking_snap(plan, x, period, gains, snap_max):
     """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
-    return within_ball(combined(held_snap(plan, period), 1.0, feedback(plan, x, period, gains)), snap_max)
+    return within_ball(combined(mean_snap(plan, period), 1.0, feedback(plan, x, period, gains)), snap_max)

@@ -1,11 +1,16 @@
 """The chain (r, v, a, j) of one axis over a control period."""
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+# Sums over responses end where feedback has taken a deviation down to this, in scaled entries; so many periods
+# are taken at a time.
+DECAYED, CHUNK = 1e-9, 256
 
 
 def chain_over(period: float) -> tuple[Array, Array]:
@@ -42,3 +47,20 @@ def held_over(period: float, lag: float) -> Array:
     """What a unit of snap behind a lag adds to the lead (4,) within a period: its own, and a jerk of T."""
     _, b = chain_over(period)
     return b + lag * np.array([*b[1:], 0.0])
+
+
+def responses(loop: Array, weights: Array, period: float) -> Iterator[Array]:
+    """(CHUNK, M, 4) weights of a deviation so many periods ago, chunk after chunk until it has decayed."""
+    powers = _powers(loop, CHUNK)
+    leap, begin, scaled = loop @ powers[-1], np.eye(4), period ** np.arange(4.0)
+    while np.abs(begin * scaled[:, None] / scaled).sum(axis=1).max() > DECAYED:
+        yield weights @ (powers @ begin)
+        begin = leap @ begin
+
+
+def _powers(matrix: Array, count: int) -> Array:
+    """(count, 4, 4) its powers from 0 up."""
+    powers = [np.eye(4)]
+    for _ in range(count - 1):
+        powers.append(matrix @ powers[-1])
+    return np.array(powers)

@@ -197,13 +197,14 @@ def _fits(error: float, limits: FlightLimits, told: Uncertainty, period: float, 
     """Whether the inner loop's error alone, and all errors together, leave enough of limits and room."""
     if not error < math.inf or not limits.band.least < limits.band.gravity:
         return False
-    unit = tubes(Uncertainty(snap=1.0, delay=told.delay, rotor_lag=told.rotor_lag), period, 0.0)
+    clock = Uncertainty(delay=told.delay, rotor_lag=told.rotor_lag, jitter=told.jitter)
+    unit = tubes(clock._replace(snap=1.0), period, 0.0)
     base = tubes(told._replace(snap=0.0, gain=0.0), period, 0.0)
-    each = tubes(Uncertainty(delay=told.delay, rotor_lag=told.rotor_lag), period, 1.0)
+    each = tubes(clock, period, 1.0)
     alone = best_tube([_wider(NO_TUBE._replace(gains=tube.gains), tube, error) for tube in unit], limits)
     if alone is None or share_taken(alone, limits) > most or alone.deviation[0] > MOST_RADIUS:
         return False
-    longest = limits.snap_max if lag_told(told).spread > 0.0 else 0.0
+    longest = limits.snap_max if lag_told(told).spread > 0.0 or told.jitter > 0.0 else 0.0
     snap = max(error, told.snap) + told.gain * limits.snap_max
     met = (
         _wider(_wider(one, off, snap), jumps, longest) for one, off, jumps in zip(base, unit, each, strict=True)

@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from shields.settings.chain import held_over
+from shields.settings.chain import chain_over, held_over
 from shields.settings.uncertainty import Uncertainty, lag_told
 
 Array = NDArray[np.float64]
@@ -37,6 +37,9 @@ Array = NDArray[np.float64]
 # Held snaps of a stop that are told apart: the shortest segment, s, and the jumps that are a segment apart; the
 # first one comes a period before the second.
 SEGMENT, JUMPS = 0.1, 4
+# Of a period: what of a segment counts as flown (``shields.backup.stored_stop``).
+ALMOST = 1e-4
+NOTHING = np.zeros(4)
 
 
 class Seldom(NamedTuple):
@@ -49,6 +52,12 @@ class Seldom(NamedTuple):
         spread: κ.
         slowest: T_hi, s.
         lag: T̂, s.
+        held: (4,) what a unit of d has made of the deviation when a period ends.
+        kick: (4,) what a jump of the snap at the wrong time has made of it.
+        within: (4,) the most that it makes within its period.
+        jitter: e.
+        shortest: (1 − e) Δ, s.
+        jumps: how many jumps there may be before a stop begins.
     """
 
     push: Array
@@ -57,22 +66,42 @@ class Seldom(NamedTuple):
     spread: float = 0.0
     slowest: float = 0.0
     lag: float = 0.0
+    held: Array = NOTHING
+    kick: Array = NOTHING
+    within: Array = NOTHING
+    jitter: float = 0.0
+    shortest: float = 0.0
+    jumps: int = 1
 
 
-NEVER = Seldom(np.zeros(4), 1)
+NEVER = Seldom(NOTHING, 1)
 
 
-def seldom_in(uncertainty: Uncertainty, period: float, longest: float) -> Seldom:
-    """What comes seldom at a period, if no snap is longer than ``longest``, m/s⁴."""
-    lag, dv = lag_told(uncertainty), uncertainty.impulse
-    if lag.spread == 0.0 and dv == 0.0:
+def seldom_in(uncertainty: Uncertainty, period: float, longest_snap: float) -> Seldom:
+    """What comes seldom at a period, if no snap is longer than ``longest_snap``, m/s⁴."""
+    lag, dv, e = lag_told(uncertainty), uncertainty.impulse, uncertainty.jitter
+    if lag.spread == 0.0 and dv == 0.0 and e == 0.0:
         return NEVER
-    push = np.array([lag.told * dv, dv, 0.0, 0.0])
-    most = 2.0 * lag.spread * longest
-    return Seldom(push, pushes_apart(uncertainty, period), most, lag.spread, lag.slowest, lag.told)
+    longest, jump = period * (1.0 + e), 2.0 * longest_snap if e > 0.0 else 0.0
+    off, swing = jump * (e + ALMOST) * period, jump * (0.25 + e) * period
+    within = swing * np.array([longest**3 / 6.0, longest**2 / 2.0, longest, 1.0])
+    return Seldom(
+        push=np.array([lag.told * dv, dv, 0.0, 0.0]),
+        apart=pushes_apart(uncertainty, longest),
+        most=2.0 * lag.spread * longest_snap,
+        spread=lag.spread,
+        slowest=lag.slowest,
+        lag=lag.told,
+        held=held_over(longest, lag.told),
+        kick=np.array([*within[:3], off]),
+        within=within,
+        jitter=e,
+        shortest=period * (1.0 - e),
+        jumps=1 + uncertainty.delay,
+    )
 
 
-def pushes_apart(uncertainty: Uncertainty, period: float) -> int:
+def pushes_apart(uncertainty: Uncertainty, longest: float) -> int:
     """Whole periods between the samples before two pushes.
 
     Raises:
@@ -80,53 +109,63 @@ def pushes_apart(uncertainty: Uncertainty, period: float) -> int:
     """
     if uncertainty.impulse == 0.0:
         return 1
-    apart = math.floor(uncertainty.impulse_gap / period * (1.0 + 1e-12))
+    apart = math.floor(uncertainty.impulse_gap / longest * (1.0 + 1e-12))
     if apart < 1:
         raise ValueError(
-            f"uncertainty.impulse_gap must be at least a control period, {period:g} s, "
+            f"uncertainty.impulse_gap must be at least a control period, {longest:g} s, "
             f"got {uncertainty.impulse_gap:g}"
         )
     return apart
 
 
-def pushes_ahead(uncertainty: Uncertainty, period: float, lag: float) -> Array:
+def pushes_ahead(uncertainty: Uncertainty, longest: float, lag: float) -> Array:
     """What pushes within the delay make of the prediction (4,)."""
-    dv, ahead = uncertainty.impulse, uncertainty.delay * period
+    dv, ahead = uncertainty.impulse, uncertainty.delay * longest
     if dv == 0.0:
         return np.zeros(4)
     count = 1 + math.floor(ahead / uncertainty.impulse_gap)
     return count * np.array([(lag + ahead) * dv, dv, 0.0, 0.0])
 
 
+def jumps_ahead(uncertainty: Uncertainty, longest: float, seldom: Seldom) -> Array:
+    """What answers that are flown for too long or too short within the delay make of the prediction (4,)."""
+    step, _ = chain_over(uncertainty.delay * longest)
+    return uncertainty.delay * step @ seldom.kick
+
+
 def with_seldom(most: Array, seen: Array, seldom: Seldom, period: float) -> Array:
     """Bounds (M,) with what comes seldom, from the responses (n, M, 4) so many periods later."""
-    late, early = (
-        np.abs(seen @ seldom.push),
-        np.abs(seen @ (seldom.push + period * seldom.push[1] * np.eye(4)[0])),
-    )
-    most = most + _from_now_on(np.maximum(late, early))[:: seldom.apart].sum(axis=0)
+    late = np.abs(seen @ seldom.push)
+    early = np.abs(seen @ (seldom.push + period * seldom.push[1] * np.eye(4)[0]))
+    most = most + from_now_on(np.maximum(late, early))[:: seldom.apart].sum(axis=0)
     if seldom.spread == 0.0:
         return most
-    each = np.abs(seen) @ held_over(period, seldom.lag)
-    most = most + seldom.most * _jumps(each, seldom, period)
+    each = np.abs(seen) @ seldom.held
+    most = most + seldom.most * lag_jumps(each, seldom, period)
     # The feedback is the last of the rows.
     always = 2.0 * seldom.spread * each.sum(axis=0)
     return most + always * (most[-1] / (1.0 - always[-1]) if always[-1] < 1.0 else math.inf)
 
 
-def _jumps(each: Array, seldom: Seldom, period: float) -> Array:
-    """(M,) what a stop's jumps add up to, from what a unit of d in one period does (n, M), for 2 κ U = 1."""
-    t = period * np.arange(len(each))
+def lag_jumps(each: Array, seldom: Seldom, longest: float) -> Array:
+    """(M,) what a stop's jumps make of d, from what a unit of d in one period does (n, M), for 2 κ U = 1."""
+    t = (seldom.shortest or longest) * np.arange(len(each))
     begun = np.exp(-t / seldom.lag)
-    peak = seldom.slowest / math.e
-    jumped = np.minimum((t + period) * np.exp(-t / seldom.slowest), peak) / seldom.lag
-    later = _from_now_on(_convolved(each, jumped))
-    segment = max(1, round(SEGMENT / period))
+    until, peak = longest * np.arange(1, len(each) + 1), seldom.slowest / math.e
+    jumped = np.minimum(until * np.exp(-t / seldom.slowest), peak) / seldom.lag
+    return _convolved(each, begun).max(axis=0) + jumps_of(
+        _convolved(each, jumped), seldom._replace(jumps=1), longest
+    )
+
+
+def jumps_of(each: Array, seldom: Seldom, longest: float) -> Array:
+    """(M,) what the jumps of a stop, and those before it, add up to, of what one makes so much later (n, M)."""
+    later, segment = from_now_on(each), max(1, math.floor(SEGMENT / longest * (1.0 + 1e-9)))
     last = later[: JUMPS * segment : segment]
-    return _convolved(each, begun).max(axis=0) + last.sum(axis=0) + last[-1]
+    return last.sum(axis=0) + seldom.jumps * last[-1]
 
 
-def _from_now_on(response: Array) -> Array:
+def from_now_on(response: Array) -> Array:
     """The largest of now and all later times."""
     return np.maximum.accumulate(response[::-1])[::-1]
 

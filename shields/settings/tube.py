@@ -17,7 +17,6 @@ What comes seldom, a push or the jump from one held snap of the stop to the next
 """
 
 import math
-from collections.abc import Iterator
 from functools import cache
 from typing import NamedTuple
 
@@ -26,9 +25,10 @@ from numpy.typing import NDArray
 
 from quadsafe_core.maths.feedback import held_gains
 from shields.interface.arguments import LONGEST_PERIOD
-from shields.interface.records import FlightLimits, ThrustBand
-from shields.settings.chain import added_over, chain_over, control_points, held_over
-from shields.settings.seldom import NEVER, Seldom, pushes_ahead, seldom_in, with_seldom
+from shields.interface.records import FlightLimits
+from shields.settings.chain import added_over, chain_over, control_points, held_over, responses
+from shields.settings.jitter import Loop, most_under_jitter
+from shields.settings.seldom import NEVER, Seldom, jumps_ahead, pushes_ahead, seldom_in, with_seldom
 from shields.settings.uncertainty import Uncertainty, declared, lag_told, largest_part
 
 Array = NDArray[np.float64]
@@ -40,10 +40,8 @@ POLES = tuple(2.0 * 1.15**i for i in range(29))
 COST_OF_LIMITS = 0.1
 # Share of the snap, the jerk and the ways from hover to the ends of the thrust band that errors may take.
 MOST_TAKEN = 0.5
-# The sums end where feedback has taken a deviation down to this; what is left is less than ROUNDING of them.
-DECAYED, ROUNDING = 1e-9, 1e-7
-# They are taken over so many periods at a time.
-CHUNK = 256
+# Of the sums, more than what is left where they end (``shields.settings.chain.DECAYED``).
+ROUNDING = 1e-7
 # Periods for which that takes less than a second, and for which there are stops, s.
 SHORTEST, LONGEST = 1e-4, LONGEST_PERIOD
 
@@ -88,58 +86,60 @@ def wrong_in(uncertainty: Uncertainty, period: float, snap_max: float) -> Wrong:
         period: Δ, s.
         snap_max: longest snap that is flown, m/s⁴.
     """
-    met, (step, _), lag = uncertainty, chain_over(period), lag_told(uncertainty)
+    met, lag, longest = uncertainty, lag_told(uncertainty), period * (1.0 + uncertainty.jitter)
+    step, _ = chain_over(longest)
     disturbance = met.snap + (met.gain * snap_max if met.gain > 0.0 else 0.0)
     # What acts behind the lag acts on each coordinate of the lead, and T times as much on the one before.
-    added = disturbance * held_over(period, lag.told) + added_over(period, 0.0, met.wind)
-    added[0] += lag.told * met.wind * period
-    seldom = seldom_in(met, period, snap_max + disturbance if lag.spread > 0.0 else 0.0)
+    added = disturbance * held_over(longest, lag.told) + added_over(longest, 0.0, met.wind)
+    added[0] += lag.told * met.wind * longest
+    has_shares = lag.spread > 0.0 or met.jitter > 0.0
+    seldom = seldom_in(met, period, snap_max + disturbance if has_shares else 0.0)
     error = np.array(met[:4]) + lag.told * np.array([*met[1:4], 0.0])
     for _ in range(met.delay):
-        error = step @ error + added + seldom.most * held_over(period, lag.told)
+        error = step @ error + added + seldom.most * held_over(longest, lag.told)
     if met.delay > 0:
-        error += pushes_ahead(met, period, lag.told)
+        error += pushes_ahead(met, longest, lag.told) + jumps_ahead(met, longest, seldom)
     return Wrong(error, added, lag.told, seldom)
 
 
 def tube_at(pole: float, wrong: Wrong, period: float) -> Tube:
     """The tube with every pole of the feedback there; with a lag of the lead, and of the vehicle behind it."""
-    (step, b), gains = chain_over(period), held_gains(4, pole, period)
-    of_state, of_snap = control_points(period)
-    loop, into, error, added = step - np.outer(b, gains), np.outer(b, gains), wrong.error, wrong.added
+    gains, longest = held_gains(4, pole, period), period * (1.0 + wrong.seldom.jitter)
+    of_state, of_snap = control_points(longest)
     # What is bounded, from the deviation at the start of a period: the control points, and the feedback.
     weights = np.vstack(
         [s - np.outer(u, gains) for s, u in zip(of_state, of_snap, strict=True)] + [-gains[None]]
     )
-    noise = np.outer(np.concatenate([*of_snap, [1.0]]), gains)
+    loop = Loop(gains, pole, weights, np.outer(np.concatenate([*of_snap, [1.0]]), gains))
     # Before it comes the period without feedback, which begins with the error.
-    most = np.concatenate([np.abs(np.vstack(of_state)) @ error, [0.0]])
-    summed, all_seen = np.abs(noise) @ error, []
-    for seen in _responses(loop, weights, period):
+    begun = np.concatenate([np.abs(np.vstack(of_state)) @ wrong.error, [0.0]])
+    if wrong.seldom.jitter > 0.0:
+        later = most_under_jitter(loop, wrong.error, wrong.added, wrong.seldom, period)
+    else:
+        later = _most_over_periods(loop, wrong, period)
+    most = np.maximum(begun, later) * (1 + ROUNDING)
+    ends = np.cumsum([len(u) for u in of_snap])
+    sides = np.array([part.max() for part in np.split(most[:-1], ends[:-1])])
+    # The jerk of the vehicle follows that of the lead and T d, of which ``added`` has Δ d; and it is the lead's
+    # less T s, of which the feedback has a part.
+    sides[3] += wrong.lag * (wrong.added[3] / longest + (most[-1] if wrong.seldom.spread > 0.0 else 0.0))
+    sides = sides + wrong.added + wrong.seldom.most * held_over(longest, wrong.lag) + wrong.seldom.within
+    return Tube(sides, float(most[-1]), wrong.error, gains)
+
+
+def _most_over_periods(loop: Loop, wrong: Wrong, period: float) -> Array:
+    """Bounds (M,) of the rows of weights where every period is as long as it should be."""
+    (step, b), error, added = chain_over(period), wrong.error, wrong.added
+    into, most = np.outer(b, loop.gains), np.zeros(len(loop.weights))
+    summed, all_seen = np.abs(loop.noise) @ error, []
+    for seen in responses(step - into, loop.weights, period):
         more = np.abs(seen) @ added + np.abs(seen @ into) @ error
         now = np.abs(seen @ step) @ error + np.abs(seen) @ added
         most = np.maximum(most, (summed + np.cumsum(more, axis=0) - more + now).max(axis=0))
         summed = summed + more.sum(axis=0)
         if wrong.seldom is not NEVER:
             all_seen.append(seen)
-    if all_seen:
-        most = with_seldom(most, np.concatenate(all_seen), wrong.seldom, period)
-    most *= 1 + ROUNDING
-    ends = np.cumsum([len(u) for u in of_snap])
-    sides = np.array([part.max() for part in np.split(most[:-1], ends[:-1])])
-    # The jerk of the vehicle follows that of the lead and T d, of which ``added`` has Δ d; and it is the lead's
-    # less T s, of which the feedback has a part.
-    sides[3] += wrong.lag * (added[3] / period + (most[-1] if wrong.seldom.spread > 0.0 else 0.0))
-    return Tube(sides + added + wrong.seldom.most * held_over(period, wrong.lag), float(most[-1]), error, gains)
-
-
-def _responses(loop: Array, weights: Array, period: float) -> Iterator[Array]:
-    """(CHUNK, M, 4) weights of a deviation so many periods ago, chunk after chunk until it has decayed."""
-    powers = _powers(loop, CHUNK)
-    leap, begin, scaled = loop @ powers[-1], np.eye(4), period ** np.arange(4.0)
-    while np.abs(begin * scaled[:, None] / scaled).sum(axis=1).max() > DECAYED:
-        yield weights @ (powers @ begin)
-        begin = leap @ begin
+    return with_seldom(most, np.concatenate(all_seen), wrong.seldom, period) if all_seen else most
 
 
 def share_taken(tube: Tube, limits: FlightLimits) -> float:
@@ -201,23 +201,3 @@ def best_tube(tubes: list[Tube], limits: FlightLimits) -> Tube | None:
     ]
     best = int(np.argmin(costs))
     return tubes[best] if costs[best] < math.inf else None
-
-
-def tightened(limits: FlightLimits, tube: Tube) -> FlightLimits:
-    """What a stored stop may use, so that the vehicle in the tube around it keeps to the limits."""
-    _, _, acceleration, jerk = tube.deviation
-    band = limits.band
-    return FlightLimits(
-        limits.snap_max,
-        limits.stop_snap_max - tube.feedback,
-        limits.jerk_max - jerk,
-        ThrustBand(band.least + acceleration, band.most - acceleration, band.gravity),
-    )
-
-
-def _powers(matrix: Array, count: int) -> Array:
-    """(count, 4, 4) its powers from 0 up."""
-    powers = [np.eye(4)]
-    for _ in range(count - 1):
-        powers.append(matrix @ powers[-1])
-    return np.array(powers)

@@ -10,15 +10,16 @@ from quadsafe_core.checks import checked_when_made, exact_array, non_negative_nu
 
 MOST_DELAY = 100
 # What is a bound, and not a number as it is; the least part of one that is worth trying.
-SCALED = ("position", "velocity", "acceleration", "jerk", "snap", "gain", "wind", "impulse")
+SCALED = ("position", "velocity", "acceleration", "jerk", "snap", "gain", "wind", "impulse", "jitter")
 LEAST_PART = 1e-6
 
 
 def _checked(found: "Uncertainty") -> "Uncertainty":
     """Every field in its range: floats, but for a whole number, a bool and a lag that may be two floats."""
     checked = Uncertainty._make(_field(name, value) for name, value in found._asdict().items())
-    if checked.gain >= 1.0:
-        raise ValueError(f"uncertainty.gain must be < 1, got {found.gain!r}")
+    for name in ("gain", "jitter"):
+        if getattr(checked, name) >= 1.0:
+            raise ValueError(f"uncertainty.{name} must be < 1, got {getattr(found, name)!r}")
     if (checked.impulse > 0.0) != (checked.impulse_gap > 0.0):
         raise ValueError(
             "uncertainty.impulse and uncertainty.impulse_gap must both be 0 or both be > 0, "
@@ -74,6 +75,7 @@ class Uncertainty(NamedTuple):
     |              |         | or (least, greatest), within which it may be anything and change at any time   |
     | impulse      | m/s     | a push, which changes the velocity at once by at most this                     |
     | impulse_gap  | s       | least time between two pushes, a control period or more                        |
+    | jitter       | –       | e: a control period lasts (1 ± e) of its length; ``Shield.held_for`` is told   |
     """
 
     position: float = 0.0
@@ -88,6 +90,7 @@ class Uncertainty(NamedTuple):
     rotor_lag: float | tuple[float, float] = 0.0
     impulse: float = 0.0
     impulse_gap: float = 0.0
+    jitter: float = 0.0
 
 
 NONE = Uncertainty()

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,44 +15,8 @@ from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP, TOLD
-from shields.slot.surprise import SENTENCE, SHARED, expectation_of, lag_of, watch_row
-
-Floats = NDArray[np.float64]
-
-
-class RecordedShield(Protocol):
-    """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Its keyword arguments."""
-        ...
-
-    @property
-    def delay(self) -> int:
-        """Periods for which an answer is on its way."""
-        ...
-
-    @property
-    def can_lose(self) -> bool:
-        """Whether ``backup`` may be asked."""
-        ...
-
-    def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
-        """Safe snaps of N rows."""
-        ...
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget rows, or everything."""
-        ...
-
-    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Snaps (N, 3) of rows whose answer was lost."""
-        ...
-
-    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
-        """Rows fly these snaps (M, 3) in place of the last answer."""
-        ...
+from shields.slot.recorded import Floats, RecordedShield
+from shields.slot.surprise import SENTENCE, SHARED, expectation_of, jitter_of, lag_of, watch_row
 
 
 @kernel
@@ -97,14 +61,14 @@ def count_batch(flat, desired, answer, steps, last, line, shared):
         steps: (N,) ``STEP``.
         last: (N, 4, 3) flat states of the last sample, see ``watch_row``.
         line: answers that are on their way, see ``watch_row``.
-        shared: (1,) ``SHARED``.
+        shared: (1,) ``SHARED`` of all rows, or (N,).
     """
     if shared[0]["is_first"]:
         open_batch(steps)
     n, surprised = steps.shape[0], -1
     answers, lasts, lines = answers_in(answer, n), borrowed(last), borrowed(line)
     for i in range(n):
-        is_off = watch_row(i, flat, steps[i], lasts, lines, shared[0])
+        is_off = watch_row(i, flat, steps[i], lasts, lines, shared[min(i, shared.shape[0] - 1)])
         count_row(i, desired, answers, steps[i])
         if is_off:
             steps[i]["surprised"], surprised = True, i
@@ -152,7 +116,9 @@ class Recorder:
         self._steps, self._last = np.zeros(rows, dtype=STEP), np.zeros((rows, 4, 3))
         places = shield.delay + (1 if lag_of(shield.settings) > 0.0 else 0)
         self._line, self._was_surprised = np.zeros((rows, places, 3)), False
-        self._shared, self._period = np.zeros(1, dtype=SHARED), np.nan
+        self._jitter, self._is_begun, self._is_told = jitter_of(shield.settings), False, False
+        # Where periods differ each row has its own.
+        self._shared, self._period = np.zeros(rows if self._jitter > 0.0 else 1, dtype=SHARED), np.nan
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -160,31 +126,47 @@ class Recorder:
 
     def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
+        if self._jitter > 0.0 and not self._is_told:
+            # A plant that tells nothing holds every answer for the period, or surprises.
+            self._note_held(np.full(len(flat), period))
+        self._is_told = False
         try:
             answer = self.shield.filter(flat, obstacles, snap, period)
-            self._has_answered = True
+            self._has_answered = self._is_begun = True
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, obstacles, snap, period)
         if period != self._period:
-            self._shared["most"], self._shared["period"] = (
-                expectation_of(self.shield.settings, period),
-                period,
-            )
+            self._shared["most"] = expectation_of(self.shield.settings, period)
             self._period, self._shared["lag"] = period, lag_of(self.shield.settings)
+            self._shared["period"] = period
         self._shared["is_first"] = self._periods == 0
         kept = self._steps, self._last, self._line, self._shared
         surprised = self._count(flat, snap, answer.numbers, *kept)
-        if surprised >= 0 and not self._was_surprised:
-            self._say_surprise(surprised)
+        if surprised >= 0:
+            shared = self._shared[min(surprised, len(self._shared) - 1)]
+            off, most = (np.array2string(shared[name], precision=3) for name in ("off", "most"))
+            self._say_surprise(SENTENCE.format(row=self._first + surprised, off=off, declared=most))
+        if self._jitter > 0.0:
+            self._look_at_clock(period)
         self._periods += 1
         return answer
 
-    def _say_surprise(self, row: int) -> None:
+    def _say_surprise(self, sentence: str) -> None:
+        if not self._was_surprised:
+            warnings.warn(sentence, RuntimeWarning, stacklevel=3)
         self._was_surprised = True
-        off, most = (np.array2string(self._shared[name][0], precision=3) for name in ("off", "most"))
-        warnings.warn(
-            SENTENCE.format(row=self._first + row, off=off, declared=most), RuntimeWarning, stacklevel=3
-        )
+
+    def _look_at_clock(self, period: float) -> None:
+        """Whether answers were held for as long as was declared."""
+        is_late = np.abs(self._shared["period"] - period) > self._jitter * period * (1.0 + 1e-9)
+        if is_late.any():
+            self._steps["surprised"] |= is_late
+            row = int(np.argmax(is_late))
+            lasted = self._shared["period"][row]
+            self._say_surprise(
+                f"row {self._first + row} held its answer for {lasted:g} s, which is beyond the declared "
+                f"{period:g} s times 1 ± {self._jitter:g}"
+            )
 
     def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
@@ -217,6 +199,7 @@ class Recorder:
         rows = slice(None) if mask is None else mask
         self._is_named[rows], self._steps["is_known"][rows], self._line[rows] = False, False, 0.0
         self.shield.reset(mask)
+        self._is_begun = self._is_begun and mask is not None
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun
             self._begun = begun | (True if mask is None else mask)
@@ -235,6 +218,17 @@ class Recorder:
     def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
         """What a plant calls for rows whose answer was lost; None for a shield that does not count on it."""
         return self._fly_backup if self.shield.can_lose else None
+
+    @property
+    def held_for(self) -> Callable[[NDArray[np.float64]], None] | None:
+        """What a plant tells for how long it held the last answers, s; None if the shield is not to know."""
+        return self._note_held if self._jitter > 0.0 else None
+
+    def _note_held(self, seconds: NDArray[np.float64]) -> None:
+        self._is_told = True
+        if self._is_begun:
+            self._shared["period"] = seconds
+            self.shield.held_for(seconds)
 
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         instead = self.shield.backup(mask)

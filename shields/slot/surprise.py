@@ -40,7 +40,7 @@ SHARED = np.dtype(
     [
         ("most", "f8", (4,)),  # how far a sample may be off in r, v, a, j, SI
         ("off", "f8", (4,)),  # how far the row was that was surprised last, SI
-        ("period", "f8"),  # s
+        ("period", "f8"),  # for which the last answer was held, s
         ("lag", "f8"),  # s
         ("is_first", "?"),  # whether a policy step begins
     ],
@@ -49,24 +49,24 @@ SHARED = np.dtype(
 
 
 @kernel
-def mean_snap(k, snap, lagged, shared):
-    """What takes the place of a held snap in the k-fold integral behind a lag: (L1)."""
-    old, new = lag_shares(k, shared["period"], shared["lag"])
+def mean_snap(k, snap, lagged, times):
+    """What takes the place of a held snap in the k-fold integral behind a lag: (L1); ``times``: period, lag."""
+    old, new = lag_shares(k, times[0], times[1])
     return combined(scale(new, snap), old, lagged)
 
 
 @kernel
-def expected(x, snap, lagged, shared):
+def expected(x, snap, lagged, times):
     """The flat state a period later, behind the lag that was told, from the snap ``lagged`` on."""
-    period = shared["period"]
-    if not shared["lag"] > 0.0:
+    period, lag = times
+    if not lag > 0.0:
         return flown(x, snap, period)
     # Every order has a mean of its own.
     return Flat(
-        flown(x, mean_snap(4, snap, lagged, shared), period).r,
-        flown(x, mean_snap(3, snap, lagged, shared), period).v,
-        flown(x, mean_snap(2, snap, lagged, shared), period).a,
-        flown(x, mean_snap(1, snap, lagged, shared), period).j,
+        flown(x, mean_snap(4, snap, lagged, times), period).r,
+        flown(x, mean_snap(3, snap, lagged, times), period).v,
+        flown(x, mean_snap(2, snap, lagged, times), period).a,
+        flown(x, mean_snap(1, snap, lagged, times), period).j,
     )
 
 
@@ -90,7 +90,8 @@ def watch_row(i, flat, step, last, line, shared):
     if step["is_known"]:
         snap = triple(line, i, first) if places > first else sent
         lagged = triple(line, i, 0) if first > 0 else snap
-        p = expected(was, snap, lagged, shared)
+        times = (shared["period"], shared["lag"])
+        p = expected(was, snap, lagged, times)
         off = (
             norm(subtract(x.r, p.r)),
             norm(subtract(x.v, p.v)),
@@ -102,7 +103,7 @@ def watch_row(i, flat, step, last, line, shared):
         if is_off:
             told[0], told[1], told[2], told[3] = off
         if first > 0:
-            write3(line[i, 0], mean_snap(0, snap, lagged, shared))
+            write3(line[i, 0], mean_snap(0, snap, lagged, times))
     write_flat(last[i], x)
     step["is_known"] = True
     for place in range(first, places - 1):
@@ -121,9 +122,10 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
         snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
     """
     told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
-    known, (step, _) = wrong_in(told._replace(rotor_lag=0.0), period, snap_max), chain_over(period)
+    longest = period * (1.0 + told.jitter)
+    known, (step, _) = wrong_in(told._replace(rotor_lag=0.0), period, snap_max), chain_over(longest)
     # The snap behind a lag in an interval is off by so much.
-    off = added_over(period, wrong_in(told, period, snap_max).seldom.most, 0.0) + step @ known.seldom.push
+    off = added_over(longest, wrong_in(told, period, snap_max).seldom.most, 0.0) + step @ known.seldom.push
     return (known.error + step @ known.error + known.added + off) * (1.0 + 1e-6)
 
 
@@ -131,6 +133,12 @@ def lag_of(settings: Mapping[str, Any]) -> float:
     """The lag that a shield of these settings was told, s."""
     declared = settings["uncertainty"]
     return 0.0 if declared is None else lag_told(Uncertainty(**declared)).told
+
+
+def jitter_of(settings: Mapping[str, Any]) -> float:
+    """The share by which the period of a shield of these settings may be longer or shorter."""
+    declared = settings["uncertainty"]
+    return 0.0 if declared is None else declared["jitter"]
 
 
 def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:
