@@ -69,10 +69,14 @@ class PlantAccess:
         """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
 
         Raises:
-            ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+            ValueError: for what has no such bounds: jitter, impulses without a gap, or rotors that lag behind
+                an inner loop that is not told.
         """
         return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.specific_thrust_max
+            self.conditions,
+            speed=SPEED_COUNTED_ON,
+            thrust=self.params.specific_thrust_max,
+            compensates_lag=self._world.compensates_lag,
         )
 
     @property
@@ -101,7 +105,9 @@ class PlantAccess:
     def _snap_error(self, snap: float, jerk: float, thrust: float, physics_hz: int) -> float:
         met, dt, period = self.conditions, 1.0 / physics_hz, self.control_period
         flight = Flight((1.0 + met.gain) * snap, jerk, thrust, self._world.yaw_hold_at(dt).range)
-        return snap_error(flight, self.params, dt, period, met.inertia_error)
+        # The inner loop is told the middle of an interval.
+        least, most = followed_lag(met)
+        return snap_error(flight, self.params, dt, period, met.inertia_error, 0.5 * (most - least))
 
     @property
     def action_scale(self) -> NDArray[np.float64]:

@@ -62,7 +62,7 @@ class Shield:
 
     With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
     is within its bound: a tube around each stored stop holds them all, and is kept out of the obstacles and
-    within the limits (``shields.settings.uncertainty``). Then ``value`` is that of the radius with the tube.
+    within the limits (``shields.settings.tube``). Then ``value`` is that of the radius with the tube.
 
     Every departure is reported in ``Filtered``.
 
@@ -160,7 +160,7 @@ class Shield:
                 ``Obstacles.spheres(center, radius)``; for one plant also a list of shapes, mappings or rows
                 [x, y, z, radius].
             snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
-            period: for how long the snap is held, s; at most 1: milliseconds are none.
+            period: for how long the snap is held, s; 1e-9 to 1: milliseconds are none.
 
         Returns:
             ``Filtered``.
@@ -168,7 +168,7 @@ class Shield:
         Raises:
             TypeError: for what is no number: strings and booleans are none.
             ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
-                period <= 0 or > 1, or obstacles that the method does not take.
+                period < 1e-9 or > 1, or obstacles that the method does not take.
         """
         if period == self._period:
             try:

@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from shields import Uncertainty
 from shields.interface.records import FlightLimits, ThrustBand
-from shields.settings.uncertainty import tube_of
+from shields.settings.tube import tube_of
 
 # A shield with free numbers as it comes: ū = 200 m/s⁴, reserve 3.
 LIMITS = FlightLimits(600.0, 600.0, math.inf, ThrustBand(1.0, math.inf, 9.81))

@@ -32,6 +32,7 @@ class Disturbance(NamedTuple):
     jitter: float
     impulse: float
     impulse_chance: float
+    impulse_rest: int
 
 
 def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
@@ -58,4 +59,5 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),
+        impulse_rest=math.ceil(c.impulse_gap / dt * (1.0 - 1e-12)),
     )

@@ -54,7 +54,7 @@ class DisturbedWorld(World):
         compensates_lag: bool = False,
         **settings: Any,
     ):
-        self.conditions = conditions
+        self.conditions, self.compensates_lag = conditions, compensates_lag
         super().__init__(n, task, params, **settings)
         met = disturbance(conditions, self.control_period, 1.0 / self.rates.physics)
         self._disturbance = raveled(met)

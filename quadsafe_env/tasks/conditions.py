@@ -24,6 +24,7 @@
 |                      |         | whole physics steps, at least one                                         |
 | `impulse`            | m/s     | length of a sudden change of the velocity in a random direction           |
 | `impulse_rate`       | 1/s     | of such changes; one happens in a period T with probability 1 − e^(−rT)   |
+| `impulse_gap`        | s       | for so long after one there is no other                                   |
 | `rotor_rise`, …      | s       | time constants of first-order lags of the thrusts of four rotors that     |
 |                      |         | rise, and with `rotor_fall` fall; each then keeps to [0, thrust_max/4]    |
 
@@ -52,6 +53,8 @@ def _checked(conditions: "Conditions") -> "Conditions":
         a, b = getattr(checked, one), getattr(checked, other)
         if (a > 0.0) != (b > 0.0):
             raise ValueError(f"{one} and {other} must both be 0 or both be > 0, got {a:g} and {b:g}")
+    if checked.impulse_gap > 0.0 and checked.impulse == 0.0:
+        raise ValueError(f"impulse_gap must be 0 without an impulse, got {checked.impulse_gap:g}")
     return checked
 
 
@@ -108,6 +111,7 @@ class Conditions(NamedTuple):
     impulse_rate: float = 0.0
     rotor_rise: float = 0.0
     rotor_fall: float = 0.0
+    impulse_gap: float = 0.0
 
 
 OFF = Conditions()
@@ -145,7 +149,6 @@ CONDITIONS = {
         jitter=0.2,
     ),
 }
-UNBOUNDED = ("rotor_lag", "rotor_rise", "jitter", "impulse")
 # The turbulence is at most so many standard deviations long.
 TURBULENCE_LIMIT = 3.0
 # Error of the snap that the inner loop flies, m/s⁴: more than in 99.99 % of periods of random snaps at 50 to
@@ -201,13 +204,16 @@ def is_lag_told(value: "str | bool") -> bool:
     raise ValueError(f'lag_compensation must be "told" or False, got {value!r}')
 
 
-def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:
+def uncertainty_under(
+    conditions: Conditions, *, speed: float, thrust: float, compensates_lag: bool = False
+) -> dict[str, Any]:
     """Bounds of what the conditions do to the flat state, by the names of ``shields.Uncertainty``.
 
         estimate  noise + bias
         snap      the inner loop's own error
         gain      (1 + gain)/(1 − ι) − 1 for an inertia error ι
         wind      wind + gust + 3 turbulence + drag · speed + μ/(1 − μ) · thrust for a mass error μ
+        lag       what ``followed_lag`` has, if the inner loop is told of it
 
     A flat acceleration is that of the believed vehicle: what mass and air add to it is wind.
 
@@ -215,14 +221,26 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         conditions: what a flight meets.
         speed: largest speed that is counted on, m/s.
         thrust: largest specific thrust of the believed vehicle that is counted on, m/s².
+        compensates_lag: whether the inner loop is told of the rotors' lag.
 
     Raises:
-        ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+        ValueError: for what has no such bounds: jitter, impulses without a gap, rotors that lag twice, or
+            behind an inner loop that is not told.
     """
-    for name in UNBOUNDED:
-        if getattr(conditions, name) != 0.0:
-            raise ValueError(f"{name} must be 0 for bounds of what the conditions do, got {conditions}")
-    met = conditions
+    met, (least, most) = conditions, followed_lag(conditions)
+    if met.jitter > 0.0:
+        raise ValueError(f"jitter must be 0 for bounds of what the conditions do, got {met.jitter:g}")
+    if met.impulse > 0.0 and met.impulse_gap == 0.0:
+        raise ValueError(
+            f"impulse_gap must be > 0 for bounds of what an impulse of {met.impulse:g} m/s does, got 0"
+        )
+    if met.rotor_lag != 0.0 and met.rotor_rise > 0.0:
+        raise ValueError(
+            "rotor_lag must be 0 where rotor_rise and rotor_fall are not for bounds of what the conditions do, "
+            f"got {met.rotor_lag}"
+        )
+    if most > 0.0 and not compensates_lag:
+        raise ValueError('lag_compensation must be "told" for bounds of what rotors that lag do, got False')
     air = met.wind + met.gust + TURBULENCE_LIMIT * met.turbulence + met.drag * speed
     return {
         "position": met.position_noise + met.position_bias,
@@ -234,4 +252,7 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         "wind": air + met.mass_error / (1.0 - met.mass_error) * thrust,
         "delay": met.delay,
         "losses": met.loss > 0.0,
+        "rotor_lag": most if least == most else (least, most),
+        "impulse": met.impulse,
+        "impulse_gap": met.impulse_gap,
     }

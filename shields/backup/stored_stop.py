@@ -21,10 +21,8 @@ NOTHING = (0.0, 0.0, 0.0)
 # The stored stop of one vehicle; behind a lag it is the lead's, and the vehicle is kept too.
 FIELDS = [
     ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
-    ("snap", "f8", (3,)),  # held in it, m/s⁴
     ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
-    ("periods", "i8"),  # of a segment
-    ("periods_left", "i8"),  # of the segment that is flown
+    ("periods_left", "i4"),  # of the segment that is flown
     ("segments_left", "i1"),
     ("choice", "i1"),  # number of the segment length in LENGTHS
     ("is_stored", "?"),
@@ -88,7 +86,6 @@ def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
     plan["is_stored"] = True
     plan["choice"] = choice
-    plan["periods"] = periods_of(choice, period)
     plan["segments_left"] = SEGMENTS
     write3(plan["frame"], frame)
     begin_segment(plan, x, period)
@@ -97,28 +94,39 @@ def write_stop(plan, x, frame, choice, period):
 @kernel
 def begin_segment(plan, x, period):
     """Start the next segment of the stored stop at x; after the last one the vehicle rests in the frame."""
-    frame = vector(plan["frame"])
     if plan["segments_left"] > 0:
         write_flat(plan["begin"], x)
-        write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
     else:
-        plan["periods"] = 1
-        write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
-        write3(plan["snap"], NOTHING)
+        write_flat(plan["begin"], Flat(x.r, vector(plan["frame"]), NOTHING, NOTHING))
     store_behind(behind_of(x), plan)
-    plan["periods_left"] = plan["periods"]
+    plan["periods_left"] = segment_periods(plan, period)
+
+
+@inline_kernel
+def segment_periods(plan, period):
+    """Whole control periods in the segment that is flown; at rest each is a segment of its own."""
+    return periods_of(int(plan["choice"]), period) if plan["segments_left"] > 0 else 1
+
+
+@kernel
+def held_snap(plan, period):
+    """The snap that is held in the segment that is flown, m/s⁴."""
+    if plan["segments_left"] == 0:
+        return NOTHING
+    h = segment_periods(plan, period) * period
+    return dead_beat_snap(flat_of(plan["begin"]), vector(plan["frame"]), h)
 
 
 @inline_kernel
 def elapsed(plan, period):
     """For how long the present segment has been flown."""
-    return (plan["periods"] - plan["periods_left"]) * period
+    return (segment_periods(plan, period) - plan["periods_left"]) * period
 
 
 @kernel
 def reference(plan, period):
     """Where the stored stop has the vehicle now."""
-    return flown(flat_of(plan["begin"]), vector(plan["snap"]), elapsed(plan, period))
+    return flown(flat_of(plan["begin"]), held_snap(plan, period), elapsed(plan, period))
 
 
 @kernel
@@ -126,7 +134,7 @@ def advance_stop(plan, period):
     """Move the stored stop on by one period."""
     plan["periods_left"] -= 1
     if plan["periods_left"] == 0:
-        x = flown(begin_of(plan), vector(plan["snap"]), elapsed(plan, period))
+        x = flown(begin_of(plan), held_snap(plan, period), elapsed(plan, period))
         plan["segments_left"] = max(0, plan["segments_left"] - 1)
         begin_segment(plan, x, period)
 
@@ -143,4 +151,4 @@ def feedback(plan, x, period, gains):
 @kernel
 def tracking_snap(plan, x, period, gains, snap_max):
     """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
-    return within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), snap_max)
+    return within_ball(combined(held_snap(plan, period), 1.0, feedback(plan, x, period, gains)), snap_max)

@@ -16,6 +16,8 @@ from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, NO_SP
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
 LONGEST_PERIOD = 1.0  # s
+# Of the longest stop there are fewer periods than an ``i4`` counts.
+SHORTEST_PERIOD = 1e-9  # s
 # The keys of a snapshot of ``Shield``.
 SNAPSHOT = {"memory", "size", "period", "is_single"}
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
@@ -132,8 +134,10 @@ def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.flo
 
 
 def control_period(value: float) -> float:
-    """``value`` as a control period, s: above 0, and at most 1."""
+    """``value`` as a control period, s: a nanosecond at least, and at most 1."""
     period = positive_number("period", value)
+    if period < SHORTEST_PERIOD:
+        raise ValueError(f"period must be at least {SHORTEST_PERIOD:g} s, got {value!r}")
     if period > LONGEST_PERIOD:
         raise ValueError(f"period must be in seconds and at most {LONGEST_PERIOD:g}, got {value!r}")
     return period

@@ -284,7 +284,7 @@ def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, s
 
     Behind a lag rows are done one by one, with a look at every body.
     """
-    lag = 1 if has_tube and settings["uncertainty"]["rotor_lag"] > 0.0 else None
+    lag = 1 if has_tube and settings["uncertainty"]["rotor_lag"] != 0.0 else None
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
     free = 1 if closes is None and authority is None and lag is None else None

@@ -1,7 +1,7 @@
 """The sampled shield under declared errors: every path of the vehicle lies in a tube around its stored stop.
 
 The shield works on the state predicted through the answers that are still on their way, with keep-out radii
-larger by T_r, and stops that leave the feedback its share of the limits (``shields.settings.uncertainty``). So
+larger by T_r, and stops that leave the feedback its share of the limits (``shields.settings.tube``). So
 the sampled shield's proof holds for the stop, and the vehicle is in the tube around it.
 """
 
@@ -58,7 +58,8 @@ from shields.methods.on_the_way import (
     send,
 )
 from shields.methods.sampled_row import sampled_rows
-from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
+from shields.settings.tube import Tube, tightened, tube_of
+from shields.settings.uncertainty import checked_uncertainty, lag_told
 
 
 @kernel
@@ -186,10 +187,10 @@ class TubeMethod:
     def __init__(self, settings: Mapping[str, Any]):
         uncertainty = checked_uncertainty(settings["uncertainty"])
         assert uncertainty is not None
-        self._settings, self._uncertainty = settings, uncertainty
+        self._settings, self._uncertainty, lag = settings, uncertainty, lag_told(uncertainty).told
         # The delay, and whether answers may be on their way, or lost.
-        self._mark = 1 if uncertainty.rotor_lag > 0.0 else None
-        is_late = uncertainty.delay > 0 or uncertainty.losses or uncertainty.rotor_lag > 0.0
+        self._mark = 1 if lag > 0.0 else None
+        is_late = uncertainty.delay > 0 or uncertainty.losses or lag > 0.0
         self._ahead, self._stops = (uncertainty.delay, is_late), stops_of(self._mark)
 
     def allocate(self, rows: int, obstacles: int) -> None:
@@ -245,7 +246,8 @@ class TubeMethod:
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
         bounds = bounds_of(self._settings)
-        if self._uncertainty.gain > 0.0 and bounds.limits.snap_max == math.inf:
+        has_shares = self._uncertainty.gain > 0.0 or lag_told(self._uncertainty).spread > 0.0
+        if has_shares and bounds.limits.snap_max == math.inf:
             # A share of any snap whatever would be no bound.
             most = bounds.input_max
             bounds = bounds._replace(limits=bounds.limits._replace(snap_max=most))
@@ -254,7 +256,7 @@ class TubeMethod:
         # A stop is stored in whole periods: of another length it would be another stop.
         held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
-        held.settings[0]["lag"] = self._uncertainty.rotor_lag
+        held.settings[0]["lag"] = lag_told(self._uncertainty).told
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
         return Kernels(tube_batch, tube_one, self.memory, tuple(kind))

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.feedback import held_gains
 from quadsafe_core.shapes import Obstacles
@@ -14,7 +15,7 @@ from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP, TOLD
-from shields.slot.surprise import SENTENCE, SHARED, WATCH, expectation_of, lag_of, watch_row
+from shields.slot.surprise import SENTENCE, SHARED, expectation_of, lag_of, watch_row
 
 Floats = NDArray[np.float64]
 
@@ -56,10 +57,9 @@ class RecordedShield(Protocol):
 
 @kernel
 def open_batch(steps):
-    """Nothing flown yet, in rows (N,) ``STEP``."""
+    """Nothing flown yet, in rows (N,) ``STEP``; the snaps are those of the last period still."""
     for i in range(steps.shape[0]):
         step = steps[i]
-        step["snap_desired"][:], step["snap_applied"][:] = 0.0, 0.0
         step["correction"], step["value"], step["reserve"], step["obstacle"] = 0.0, np.inf, 0.0, -1
         step["interventions"], step["fallbacks"], step["refusals"] = 0, 0, 0
         step["stopped"], step["certified"], step["intervened"] = False, True, False
@@ -87,7 +87,7 @@ def count_row(i, desired, answers, step):
 
 
 @kernel
-def count_batch(flat, desired, answer, steps, watches, line, shared):
+def count_batch(flat, desired, answer, steps, last, line, shared):
     """Add one control period to every row; a row that was surprised, or −1.
 
     Args:
@@ -95,17 +95,18 @@ def count_batch(flat, desired, answer, steps, watches, line, shared):
         desired: (N, 3) desired snaps, m/s⁴.
         answer: the numbers of a ``Filtered``.
         steps: (N,) ``STEP``.
-        watches: (N,) ``WATCH``.
+        last: (N, 4, 3) flat states of the last sample, see ``watch_row``.
         line: answers that are on their way, see ``watch_row``.
         shared: (1,) ``SHARED``.
     """
     if shared[0]["is_first"]:
         open_batch(steps)
     n, surprised = steps.shape[0], -1
-    answers = answers_in(answer, n)
+    answers, lasts, lines = answers_in(answer, n), borrowed(last), borrowed(line)
     for i in range(n):
+        is_off = watch_row(i, flat, steps[i], lasts, lines, shared[0])
         count_row(i, desired, answers, steps[i])
-        if watch_row(i, flat, answers.safe, watches[i], line, shared[0]):
+        if is_off:
             steps[i]["surprised"], surprised = True, i
     return surprised
 
@@ -148,8 +149,8 @@ class Recorder:
         self._first, self._count = first, count
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
-        self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
-        places = shield.delay + (2 if lag_of(shield.settings) > 0.0 else 1)
+        self._steps, self._last = np.zeros(rows, dtype=STEP), np.zeros((rows, 4, 3))
+        places = shield.delay + (1 if lag_of(shield.settings) > 0.0 else 0)
         self._line, self._was_surprised = np.zeros((rows, places, 3)), False
         self._shared, self._period = np.zeros(1, dtype=SHARED), np.nan
 
@@ -171,7 +172,7 @@ class Recorder:
             )
             self._period, self._shared["lag"] = period, lag_of(self.shield.settings)
         self._shared["is_first"] = self._periods == 0
-        kept = self._steps, self._watches, self._line, self._shared
+        kept = self._steps, self._last, self._line, self._shared
         surprised = self._count(flat, snap, answer.numbers, *kept)
         if surprised >= 0 and not self._was_surprised:
             self._say_surprise(surprised)
@@ -214,7 +215,7 @@ class Recorder:
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
-        self._is_named[rows], self._watches["is_known"][rows], self._line[rows] = False, False, 0.0
+        self._is_named[rows], self._steps["is_known"][rows], self._line[rows] = False, False, 0.0
         self.shield.reset(mask)
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun
@@ -227,8 +228,8 @@ class Recorder:
     @property
     def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
-        self._open_where_nothing_flew()
-        return self._steps["intervened"].copy(), self._steps["obstacle"].astype(TOLD["obstacle"])
+        steps = self.steps()
+        return steps["intervened"].copy(), steps["obstacle"].astype(TOLD["obstacle"])
 
     @property
     def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
@@ -238,36 +239,30 @@ class Recorder:
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         instead = self.shield.backup(mask)
         self._steps["snap_applied"][mask] = instead[mask]
-        self._line[mask, -1] = instead[mask]
         self._steps["stopped"] |= mask
         return instead
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
-        self._open_where_nothing_flew()
-        return self._steps["interventions"] / max(self._periods, 1)
+        return self.steps()["interventions"] / max(self._periods, 1)
 
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
         return summary_of(self.steps(), mask)
 
     def steps(self) -> NDArray[np.void]:
-        """What was done to every row, (N,) ``STEP``, as it is."""
-        self._open_where_nothing_flew()
-        return self._steps
+        """What was done to every row, (N,) ``STEP``, not to be written; nothing where nothing flew."""
+        if self._periods > 0 and self._begun is None:
+            return self._steps
+        told = np.zeros_like(self._steps)
+        open_batch(told)
+        flew = np.zeros(len(told), dtype=np.bool_) if self._periods == 0 else ~self.begun()
+        told[flew] = self._steps[flew]
+        return told
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""
-        self._open_where_nothing_flew()
-        return dict(zip(KEYS, self._steps.copy()[0].item(), strict=True))
-
-    def _open_where_nothing_flew(self) -> None:
-        if self._periods == 0:
-            open_batch(self._steps)
-        elif self._begun is not None:
-            opened = np.empty_like(self._steps)
-            open_batch(opened)
-            self._steps[self._begun] = opened[self._begun]
+        return dict(zip(KEYS, self.steps().copy()[0].item()[:-1], strict=True))
 
 
 def summary_of(steps: NDArray[np.void], mask: NDArray[np.bool_]) -> dict[str, NDArray]:
