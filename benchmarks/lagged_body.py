@@ -148,10 +148,10 @@ def cells() -> Iterator[Cell]:
         yield Cell("velocity", "spheres", "wrench", "declared", 100, lag)
     for lag in LAGS:
         yield Cell("velocity", "shapes", "wrench", "nothing", 100, lag)
+    for bodies, lag, rotors, rate in product(ENVS, LAGS, ("uneven", "wrench"), (50, 200)):
+        yield Cell("velocity", bodies, rotors, "both", rate, lag)
     for lag, bodies in product(LAGS, ENVS):
         yield Cell("snap", bodies, "wrench", "both", 100, lag)
-    for lag, rotors, bodies, rate in product(LAGS, ("uneven", "wrench"), ENVS, (50, 200)):
-        yield Cell("velocity", bodies, rotors, "both", rate, lag)
     for lag, bodies in product(LAGS, ENVS):
         yield Cell("velocity", bodies, "four", "both", 100, lag)
     for lag, bodies in product(LAGS, ENVS):
