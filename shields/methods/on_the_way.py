@@ -15,7 +15,7 @@ from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
 from shields.chains.flat_state import behind_of, flown, lead, write_flat
 from shields.interface.bodies import bodies_of_row, is_there
-from shields.interface.records import BehindRows, MovingBodies
+from shields.interface.records import BehindRows, MovingBodies, velocity_of
 from shields.interface.row_checks import flat_of_row
 
 
@@ -88,15 +88,15 @@ def predicted(x, pending, period):
 @kernel
 def look_ahead(measured, delay, lag, held, tubes):
     """Put down every row, or its lead, as it will be when the answer is flown, and its stop before that."""
-    center, velocity, period = measured.bodies.center, measured.bodies.velocity, held.settings[0]["period"]
+    center, period = measured.bodies.center, held.settings[0]["period"]
     for i in range(measured.flat.shape[0]):
         carry(lag, i, tubes.carried)
         x = predicted(front_of_row(i, measured, lag, tubes.carried), tubes.pending[i], period)
         write_flat(tubes.flats[i], x)
         write_behind(behind_of(x), i, tubes.behind)
         for k in range(center.shape[1]):
-            ahead = later(delay * period, lag)
-            write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
+            ahead, velocity = later(delay * period, lag), velocity_of(i, k, measured.bodies)
+            write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, velocity))
         tubes.before[i] = held.rows.plans[i]
 
 
