@@ -15,7 +15,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from quadsafe_env.simulation.episode import TERMINATED
+from quadsafe_env.simulation.block import TERMINATED
 from quadsafe_env.split_world import AnyWorld
 
 # What ``VectorEnv.step`` returns: observations, rewards, terminated, truncated, and the info.

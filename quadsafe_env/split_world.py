@@ -120,7 +120,7 @@ class SplitWorld:
     def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
         """See ``World.outcome``."""
         rewards, ends, info = outcome_of(
-            np.concatenate([part.outcomes for part in self.parts], axis=1), self.flags
+            np.concatenate([part.table for part in self.parts], axis=1), self.flags
         )
         more = [part.followed() for part in self.parts]
         return rewards, ends, info | {key: np.concatenate([told[key] for told in more]) for key in more[0]}

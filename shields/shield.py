@@ -193,11 +193,10 @@ class Shield(Snapshots):
         # The quick way is for what a call has ended well with.
         self._are_still = False
         self._begin(size, is_single, control_period(period))
-        self._cores, velocity = as_cores(obstacles.cores, size), obstacles.velocity
-        moving = None if velocity is None else velocity_rows(velocity, (*size, 3))
+        self._cores, moving = as_cores(obstacles.cores, size), velocity_rows(obstacles.velocity, (*size, 3))
         self._are_still = moving is None
         self._method.move(0.0 if moving is None else moving)
-        self._own = self._kernels.memory, (*self._kernels.kind, self._cores)
+        self._own = self._method.memory, (*self._kernels.kind, self._cores)
         out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
             code = self._kernel(flats, centers, radii, snaps, *self._own, out)

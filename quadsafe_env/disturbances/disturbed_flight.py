@@ -26,10 +26,10 @@ from quadsafe_env.simulation.block import (
     HELD,
     IS_FLYING,
     LONGEST,
+    MARKS,
     PER_SPHERE,
     SNAP,
     SPHERES,
-    TABLE,
     YAW,
     block_of,
 )
@@ -46,10 +46,10 @@ from quadsafe_env.simulation.episode import (
     close_step,
     load_rows,
     open_period,
-    store_table,
+    store_told,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.rows import FLAGS, rows_in
+from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -165,7 +165,7 @@ def fly_row(block, lane, row, among, told, m):
         if is_clipped:
             block[LANES * CLIPPED + lane] = 1.0
         if not is_state_sound(after, plant.params.thrust_min):
-            block[LANES * (TABLE + IS_FLYING) + lane], block[LANES * (TABLE + CRASH) + lane] = 0.0, 1.0
+            block[LANES * (MARKS + IS_FLYING) + lane], block[LANES * (MARKS + CRASH) + lane] = 0.0, 1.0
             break
         s = after
         record_step(block, lane, row, among, s, dt)
@@ -186,23 +186,23 @@ def advance_disturbed_batch(numbers, drive, closes, memory, scene_memory, body_m
     (plant, d), rows = unraveled(numbers, DisturbedPlant), rows_in(borrowed(memory))
     scenes, around = columns_among(scene_memory, body_memory), around_of(scene_memory, body_memory)
     spheres = scenes.sphere_count
-    block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
+    block, gaps = block_of(spheres), new_block(I(1))
     for first in range(0, weather.shape[0], LANES):
         count = min(LANES, weather.shape[0] - first)
         load_rows(block, first, count, rows.state, scenes)
         load_flown(block, first, count, weather)
-        open_period(block, first, count, rows.table, plant.yaw)
+        open_period(block, first, count, rows, plant.yaw)
         open_around(around, count)
         for lane in range(count):
             row = first + lane
-            if block[LANES * (TABLE + IS_FLYING) + lane] > 0.0:
+            if block[LANES * (MARKS + IS_FLYING) + lane] > 0.0:
                 fly_row(block, lane, row, (spheres, around), (plant, drive, d), weather[row])
         if body_memory is None:
             close_period(block, gaps, first, count, spheres, plant, rows)
             if closes:
-                close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
+                close_step(block, gaps, count, spheres, plant)
         else:
             close_period_among(block, gaps, first, count, around, plant, rows)
             if closes:
-                close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
-        store_table(block, first, rows.table)
+                close_step_among(block, gaps, first, count, around, plant)
+        store_told(block, first, count, closes, rows)

@@ -20,6 +20,7 @@ from quadsafe_env.disturbances.draws import (
 from quadsafe_env.disturbances.rotor_lag import lag_lead
 from quadsafe_env.disturbances.rotor_thrusts import slow_rotors
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
+from quadsafe_env.simulation.rows import Wishes
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import Conditions, followed_lag
 from quadsafe_env.tasks.scenes import Task
@@ -96,12 +97,12 @@ class DisturbedWorld(World):
         estimated_states(rows, self._disturbance, self._weather, states)
         return states
 
-    def _wish(self, actions: NDArray, opens: bool) -> None:
-        super()._wish(actions, opens)
+    def _wish(self, actions: NDArray, wishes: Wishes, opens: bool) -> None:
+        super()._wish(actions, wishes, opens)
         tell = self._slot.held_for
         if tell is not None:
             tell(self._weather["lasted"] / self.rates.physics)
-        self._estimate(self._disturbance, self._weather, self._feedback, self._flat, self._snap)
+        self._estimate(self._disturbance, self._weather, self._feedback, wishes.flat, wishes.snap)
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
         self._deliver(snap)

@@ -6,21 +6,27 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from quadsafe_core.kernels.lanes import LANES
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.references.following import AHEAD_ENTRIES, Following
 from quadsafe_env.signals.given import Signals, observed, rewarded
 from quadsafe_env.signals.quantities import Quantities, body_sights, nearest_of, sphere_sights
-from quadsafe_env.simulation.block import ARRIVES, DISTANCE, EFFORT, LINES
-from quadsafe_env.simulation.episode import IS_SUCCESS, TERMINATED, VIOLATION
+from quadsafe_env.simulation.block import (
+    ARRIVES,
+    CLEARANCE,
+    DISTANCE,
+    EFFORT,
+    IS_SUCCESS,
+    REWARD,
+    TERMINATED,
+    VIOLATION,
+)
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.vehicle.flatness import flat_batch
 from quadsafe_env.vehicle.params import QuadrotorParams
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, THRUST
 
-PAID, CLEAR = 0, 2  # lines of the outcomes
 LINE_POINTS = 240
 
 
@@ -96,7 +102,7 @@ class ToldWorld(World):
         rows = np.arange(self.n)
         if self._signals.reward is not None:
             q = self._quantities(rows, self.states)
-            self.outcomes[PAID] = rewarded(self._signals.reward, q, self._leading(rows))
+            self.table[REWARD] = rewarded(self._signals.reward, q, self._leading(rows))
         return self._told(plain, rows)
 
     def followed(self) -> dict[str, NDArray]:
@@ -128,7 +134,7 @@ class ToldWorld(World):
 
     def _pay_for_following(self, following: Following) -> None:
         violated = self.flags[VIOLATION]
-        self.outcomes[PAID] = following.close(self._told_line(DISTANCE), self._told_line(EFFORT), violated)
+        self.table[REWARD] = following.close(self._told_line(DISTANCE), self._told_line(EFFORT), violated)
         self.flags[IS_SUCCESS] = following.succeeds() & ~self.flags[TERMINATED]
 
     def _told(self, plain: NDArray[np.float32], rows: NDArray[np.intp]) -> NDArray:
@@ -145,8 +151,8 @@ class ToldWorld(World):
         return () if self._signals.is_single else (len(rows),)
 
     def _told_line(self, k: int) -> NDArray[np.float64]:
-        """A line of the table, (N,)."""
-        return self._table.reshape(-1, LINES, LANES)[:, k].reshape(-1)[: self.n].copy()
+        """A number of every row, (N,), a copy."""
+        return self.table[k].copy()
 
     def _left(self) -> NDArray[np.float64]:
         """What is left of the way to the goals, (N,), m."""
@@ -177,13 +183,13 @@ class ToldWorld(World):
             goal=self.scenes.goal,
             distance=self._left(),
             previous_distance=self._before,
-            arrives=self._told_line(ARRIVES) > 0.0,
-            clearance=self.outcomes[CLEAR],
+            arrives=self.flags[ARRIVES].copy(),
+            clearance=self.table[CLEARANCE],
             violation=self.flags[VIOLATION],
             terminated=self.flags[TERMINATED],
             action=self._action,
             previous_action=self._previous_action,
-            reward=self.outcomes[PAID],
+            reward=self.table[REWARD],
             gaps=gaps,
             points=points,
             normals=normals,

@@ -12,12 +12,11 @@ from quadsafe_core.kernels.ravel import unraveled
 from quadsafe_core.maths.counter_rng import Key, derived_key
 from quadsafe_env.simulation.block import (
     CLEARANCE,
-    COST,
     DISTANCE,
+    FLAGS,
     GOAL,
     IS_FLYING,
-    LINES,
-    REWARD,
+    NUMBERS,
     are_sound,
     block_of,
     fly,
@@ -31,10 +30,10 @@ from quadsafe_env.simulation.episode import (
     load_rows,
     load_snaps,
     open_period,
-    store_table,
+    store_told,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.rows import FLAGS, rows_in
+from quadsafe_env.simulation.rows import rows_in, size_of
 from quadsafe_env.tasks.obstacles import distance_to
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES
 from quadsafe_env.tasks.scene_columns import columns_in
@@ -67,7 +66,7 @@ def load_lanes(block, first, count, rows, scenes, snap, hold):
     """Rows first … first + count, as they are before the period, into a block."""
     load_rows(block, first, count, rows.state, scenes)
     load_snaps(block, first, count, snap, rows.yaw_acceleration)
-    open_period(block, first, count, rows.table, hold)
+    open_period(block, first, count, rows, hold)
 
 
 @kernel
@@ -91,7 +90,7 @@ def advance_batch(numbers, rotors, closes, memory, scene_memory, snap, observati
     plant, rows = unraveled(numbers, Plant), rows_in(borrowed(memory))
     scenes = columns_in(borrowed(scene_memory))
     spheres, size = scenes.sphere_count, observations.shape[1]
-    block, gaps, flag_block = block_of(spheres), new_block(I(1)), new_block(I(FLAGS))
+    block, gaps = block_of(spheres), new_block(I(1))
     seen, scratch, seen_rows = new_block(size + 8), new_block(size), observations.reshape(-1)
     for first in range(0, observations.shape[0], LANES):
         count = min(LANES, observations.shape[0] - first)
@@ -102,36 +101,34 @@ def advance_batch(numbers, rotors, closes, memory, scene_memory, snap, observati
             fly_with_care(block, count, spheres, plant.substeps, plant, rotors)
         close_period(block, gaps, first, count, spheres, plant, rows)
         if closes:
-            close_step(block, (gaps, flag_block), first, count, spheres, plant, rows)
+            close_step(block, gaps, count, spheres, plant)
             observe(block, count, spheres, slots_of(observations), plant.params, seen)
             write_rows(seen, scratch, first, count, size, seen_rows)
-        store_table(block, first, rows.table)
+        store_told(block, first, count, closes, rows)
 
 
 @inline_kernel
-def begin_row(rows, row, m, distance, gap):
-    """What is told of one of m rows that begins, this far from its goal and its nearest obstacle, m."""
-    at = row // LANES * LANES * LINES + row % LANES
-    for k in range(LINES):
-        rows.table[at + LANES * k] = 0.0
+def begin_row(rows, row, distance, gap):
+    """What is told of a row that begins, this far from its goal and its nearest obstacle, m."""
+    m = size_of(rows)
+    for k in range(NUMBERS):
+        rows.table[m * k + row] = 0.0
     for k in range(FLAGS):
-        rows.flags[m * k + row] = False
-    rows.table[at + LANES * IS_FLYING] = 1.0
-    rows.table[at + LANES * DISTANCE] = distance
-    rows.outcome[m * REWARD + row], rows.outcome[m * COST + row] = 0.0, 0.0
-    rows.outcome[m * CLEARANCE + row] = gap
+        rows.flags[m * k + row] = 0
+    rows.table[m * DISTANCE + row], rows.table[m * CLEARANCE + row] = distance, gap
+    rows.flags[m * IS_FLYING + row] = 1
 
 
 @kernel
 def begin_rows(indices, memory, scene_memory):
     """What is told of rows whose episode begins, at these indices; see ``advance_batch``."""
-    rows, scenes, m = rows_in(memory), columns_in(scene_memory), memory.shape[1]
+    rows, scenes = rows_in(memory), columns_in(scene_memory)
     block, gaps = block_of(scenes.sphere_count), new_block(I(1))
     for row in indices:
         load_rows(block, row, I(1), rows.state, scenes)
         measure_here(block, I(1), scenes.sphere_count, gaps)
         distance = distance_to(block[0], block[LANES], block[2 * LANES], lane_triple(block, U(LANES * GOAL)))
-        begin_row(rows, row, m, distance, gaps[0])
+        begin_row(rows, row, distance, gaps[0])
 
 
 @kernel

@@ -7,8 +7,8 @@
 | 24:27     | goal                                                                   |
 | 27        | longest time at the goal in the period, s                              |
 | 28        | least thrust in the period, N                                          |
-| 29:43     | what is told of the row: the lines of the table of ``episode``         |
-| 43 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
+| 29:46     | what is told of the row: five numbers and twelve flags, 0 or 1         |
+| 46 + 5k   | of sphere k: centre, keep-out radius, and least squared distance in    |
 |           | the period, from ``measure_gaps`` on the distance to its surface       |
 
 Of a block are flown the lanes ``0:count``, rows ``first … first + count`` of a world; ``spheres`` is the number
@@ -28,10 +28,14 @@ from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.rotors import limited_step
 from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, store_lane
 
-# Lines of the table: numbers of the last policy step, then of the episode, then flags that are 0 or 1.
-REWARD, COST, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(6)
-HAS_ARRIVED, HAS_VIOLATED, ARRIVES, INVALID, IS_FLYING, CRASH, SATURATED, SPINNING = range(6, 14)
-LINES = 14
+# Numbers of the last policy step, then of the episode.
+REWARD, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(5)
+NUMBERS = 5
+# Flags, whose lines stand behind those of the numbers. The first eight are told of a policy step, and of these
+# the first four are found where it closes.
+TERMINATED, IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASH, INVALID, SATURATED, SPINNING = range(8)
+HAS_ARRIVED, HAS_VIOLATED, ARRIVES, IS_FLYING = range(8, 12)
+FOUND_LAST, TOLD_FLAGS, FLAGS = 4, 8, 12
 
 SNAP = STATE_SIZE
 YAW = SNAP + 3
@@ -39,8 +43,9 @@ GOAL = YAW + 1
 LONGEST = GOAL + 3
 LEAST_THRUST = LONGEST + 1
 TABLE = LEAST_THRUST + 1
-HELD, CLIPPED = TABLE + TIME_AT_GOAL, TABLE + SATURATED
-SPHERES = TABLE + LINES
+MARKS = TABLE + NUMBERS
+HELD, CLIPPED = TABLE + TIME_AT_GOAL, MARKS + SATURATED
+SPHERES = MARKS + FLAGS
 PER_SPHERE = 5
 
 
@@ -118,7 +123,7 @@ def are_sound(block, count, thrust_min):
     """Whether every lane is flying, and sound."""
     others = 0
     for i in range(U(count)):
-        is_flying = block[i + U(LANES * (TABLE + IS_FLYING))] > 0.0
+        is_flying = block[i + U(LANES * (MARKS + IS_FLYING))] > 0.0
         others += 0 if is_sound(block, i, thrust_min) & is_flying else 1
     return others == 0
 
@@ -132,11 +137,11 @@ def fly_with_care(block, count, spheres, substeps, plant, rotors):
             before[k] = block[k]
         fly(block, count, spheres, I(1), plant, rotors)
         for i in range(count):
-            is_flying = before[LANES * (TABLE + IS_FLYING) + i] > 0.0
+            is_flying = before[LANES * (MARKS + IS_FLYING) + i] > 0.0
             if is_flying and is_sound(block, U(i), plant.params.thrust_min):
                 continue
             if is_flying:
-                before[LANES * (TABLE + IS_FLYING) + i], before[LANES * (TABLE + CRASH) + i] = 0.0, 1.0
+                before[LANES * (MARKS + IS_FLYING) + i], before[LANES * (MARKS + CRASH) + i] = 0.0, 1.0
                 before[LANES * CLIPPED + i] = block[LANES * CLIPPED + i]
             for k in range(i, block.size, LANES):
                 block[k] = before[k]

@@ -19,10 +19,11 @@ from quadsafe_env.simulation.block import (
     HELD,
     IS_FLYING,
     LONGEST,
+    MARKS,
     TABLE,
     fly_with_care,
 )
-from quadsafe_env.simulation.episode import close_lanes, record_period, store_closed
+from quadsafe_env.simulation.episode import close_lanes, record_period
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.tasks.scene_bodies import Bodies, bodies_in, gap_of, least_gap
 from quadsafe_env.tasks.scene_columns import SceneColumns, columns_in
@@ -115,7 +116,7 @@ def fly_among(block, first, count, plant, rotors, around):
     for _ in range(plant.substeps):
         fly_with_care(block, count, I(0), I(1), plant, rotors)
         for i in range(count):
-            if block[LANES * (TABLE + IS_FLYING) + i] > 0.0:
+            if block[LANES * (MARKS + IS_FLYING) + i] > 0.0:
                 meet_bodies(around, first + i, i, lane_triple(block, U(i)), plant.dt)
 
 
@@ -145,11 +146,9 @@ def close_period_among(block, gaps, first, count, around, plant, rows):
 
 
 @inline_kernel
-def close_step_among(block, room, first, count, around, plant, rows):
+def close_step_among(block, gaps, first, count, around, plant):
     """As ``close_step``, among bodies; only of a row that did not move the present distance is asked for."""
-    gaps, flag_block = room
     for i in range(count):
         if block[LANES * (TABLE + CLEARANCE) + i] == NO_OBSTACLE:
             gaps[i] = least_gap(around.bodies, first + i, lane_triple(block, U(i)))
-    close_lanes(block, gaps, count, plant, flag_block)
-    store_closed(block, flag_block, first, count, rows)
+    close_lanes(block, gaps, count, plant)

@@ -23,9 +23,9 @@ from quadsafe_env.simulation.bodies import (
     open_around,
     way_since,
 )
-from quadsafe_env.simulation.episode import store_table
+from quadsafe_env.simulation.episode import store_told
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.rows import FLAGS, rows_in
+from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.tasks.reward import (
     OWN_ENTRIES,
@@ -46,7 +46,7 @@ def advance_among(numbers, rotors, closes, memory, scene_memory, body_memory, sn
     """Hold snaps and yaw accelerations for a control period, as ``advance_batch``; nothing is observed."""
     plant, rows = unraveled(numbers, Plant), rows_in(borrowed(memory))
     scenes, around = columns_among(scene_memory, body_memory), around_of(scene_memory, body_memory)
-    block, gaps, flag_block = block_of(I(0)), new_block(I(1)), new_block(I(FLAGS))
+    block, gaps = block_of(I(0)), new_block(I(1))
     for first in range(0, snap.shape[0], LANES):
         count = min(LANES, snap.shape[0] - first)
         load_lanes(block, first, count, rows, scenes, snap, plant.yaw)
@@ -54,14 +54,14 @@ def advance_among(numbers, rotors, closes, memory, scene_memory, body_memory, sn
         fly_among(block, first, count, plant, rotors, around)
         close_period_among(block, gaps, first, count, around, plant, rows)
         if closes:
-            close_step_among(block, (gaps, flag_block), first, count, around, plant, rows)
-        store_table(block, first, rows.table)
+            close_step_among(block, gaps, first, count, around, plant)
+        store_told(block, first, count, closes, rows)
 
 
 @kernel
 def begin_among(indices, memory, scene_memory, body_memory):
     """What is told of rows whose episode begins, among bodies that begin where the scene has them."""
-    rows, bodies, m = rows_in(memory), bodies_in(scene_memory, body_memory), memory.shape[1]
+    rows, bodies = rows_in(memory), bodies_in(scene_memory, body_memory)
     goals = columns_in(scene_memory).goal
     for row in indices:
         bodies.center[row], bodies.bound[row] = bodies.home[row], -math.inf
@@ -69,7 +69,7 @@ def begin_among(indices, memory, scene_memory, body_memory):
         r = (rows.state[at], rows.state[at + 1], rows.state[at + 2])
         begin_way(bodies.openings[row], r)
         distance = distance_to(r[0], r[1], r[2], target_of(bodies.openings[row], point(goals, row)))
-        begin_row(rows, row, m, distance, least_gap(bodies, row, r))
+        begin_row(rows, row, distance, least_gap(bodies, row, r))
 
 
 @inline_kernel

@@ -1,7 +1,6 @@
 """The episode of each row: how a control period begins, what happened in it, and the end of a policy step.
 
-What is told of the rows is kept in lanes, block by block, see ``quadsafe_env.simulation.block``. A policy step
-closes with its outcome, the lines REWARD, COST and CLEARANCE, (3, N), and with the flags below, (FLAGS, N).
+What is told of the rows are numbers and flags, line by line, see ``quadsafe_env.simulation.block``.
 Kernels are given what those of ``block`` are; ``rows`` are ``Rows``, and ``scenes`` ``SceneColumns``.
 """
 
@@ -15,36 +14,42 @@ from quadsafe_core.kernels.lanes import LANES, I, U, from_lanes, lane_triple, to
 from quadsafe_env.simulation.block import (
     ARRIVES,
     CLEARANCE,
-    COST,
     CRASH,
     DISTANCE,
     EFFORT,
+    FLAGS,
+    FOUND_LAST,
     GOAL,
     HAS_ARRIVED,
     HAS_VIOLATED,
     INVALID,
     IS_FLYING,
+    IS_SUCCESS,
     LEAST_THRUST,
-    LINES,
     LONGEST,
+    MARKS,
+    NUMBERS,
+    OUT_OF_BOUNDS,
     REWARD,
-    SATURATED,
     SNAP,
     SPINNING,
     TABLE,
+    TERMINATED,
+    TOLD_FLAGS,
+    VIOLATION,
     YAW,
     fill_spheres,
     measure_gaps,
     measure_here,
 )
-from quadsafe_env.simulation.rows import FLAGS, OUTCOMES
+from quadsafe_env.simulation.rows import size_of
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE, distance_to
 from quadsafe_env.tasks.reward import GOAL_HOLD, reward
 from quadsafe_env.vehicle.state import OMEGA, STATE_SIZE
 from quadsafe_env.vehicle.yaw import is_spinning, limited_yaw
 
-IS_SUCCESS, VIOLATION, OUT_OF_BOUNDS, CRASHES, IS_INVALID, IS_SATURATED, IS_SPINNING, TERMINATED = range(8)
-# The lines of the outcomes behind the reward, then those of the flags before the end.
+U8 = np.uint8
+# Cost and clearance, then the flags that are told behind the end, in their order.
 INFO_KEYS = (
     "cost",
     "clearance",
@@ -59,12 +64,12 @@ INFO_KEYS = (
 
 
 def outcome_of(
-    outcomes: NDArray[np.float64], flags: NDArray[np.bool_]
+    table: NDArray[np.float64], flags: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
-    """Rewards, ends and the info of N rows, views of these lines (3, N) and (FLAGS, N)."""
-    rewards, cost, clearance = outcomes
-    *told, terminated = flags
-    return rewards, terminated, dict(zip(INFO_KEYS, (cost, clearance, *told), strict=True))
+    """Rewards, ends and the info of N rows, fresh arrays, from their numbers and flags, (…, N)."""
+    terminated, *told = flags[:TOLD_FLAGS].copy()
+    values = flags[VIOLATION].astype(np.float64), table[CLEARANCE].copy(), *told
+    return table[REWARD].copy(), terminated, dict(zip(INFO_KEYS, values, strict=True))
 
 
 @inline_kernel
@@ -86,28 +91,57 @@ def load_snaps(block, first, count, snap, yaw_acceleration):
 
 
 @inline_kernel
-def open_period(block, first, count, table, hold):
-    """The table of the rows so far, and their yaw within its range; an invalid action asks for none."""
-    for k in range(U(LANES * LINES)):
-        block[U(LANES * TABLE) + k] = table[U(first * LINES) + k]
+def whole(count):
+    """All lanes: there is memory for whole blocks. LLVM makes no vectors of a loop whose length it knows."""
+    return (U(count) + U(LANES - 1)) // U(LANES) * U(LANES)
+
+
+@inline_kernel
+def load_told(block, first, count, rows):
+    """The numbers and flags of the rows so far."""
+    m, lanes = U(size_of(rows)), whole(count)
+    for k in range(NUMBERS):
+        for i in range(lanes):
+            block[U(LANES * TABLE) + U(LANES) * U(k) + i] = rows.table[m * U(k) + U(first) + i]
+    for k in range(FOUND_LAST, FLAGS):
+        for i in range(lanes):
+            block[U(LANES * MARKS) + U(LANES) * U(k) + i] = rows.flags[m * U(k) + U(first) + i]
+
+
+@inline_kernel
+def open_period(block, first, count, rows, hold):
+    """What is told of the rows so far, and their yaw within its range; an invalid action asks for none."""
+    load_told(block, first, count, rows)
     for i in range(U(count)):
-        is_invalid, rate = line(block, i, I(INVALID)) > 0.0, block[U(LANES * (OMEGA + 2)) + i]
+        is_invalid, rate = mark(block, i, I(INVALID)), block[U(LANES * (OMEGA + 2)) + i]
         asked = 0.0 if is_invalid else block[U(LANES * YAW) + i]
         block[U(LANES * YAW) + i] = limited_yaw(rate, asked, hold)
-        write_line(block, i, I(SPINNING), 1.0 if is_spinning(rate, hold) else line(block, i, I(SPINNING)))
+        write_mark(block, i, I(SPINNING), is_spinning(rate, hold) | mark(block, i, I(SPINNING)))
         block[U(LANES * LONGEST) + i], block[U(LANES * LEAST_THRUST) + i] = 0.0, math.inf
 
 
 @inline_kernel
 def line(block, i, k):
-    """Line k of the table, of lane i."""
+    """Number k of lane i."""
     return block[i + U(LANES) * U(TABLE + k)]
 
 
 @inline_kernel
 def write_line(block, i, k, value):
-    """Write line k of the table, of lane i."""
+    """Write number k of lane i."""
     block[i + U(LANES) * U(TABLE + k)] = value
+
+
+@inline_kernel
+def mark(block, i, k):
+    """Flag k of lane i."""
+    return block[i + U(LANES) * U(MARKS + k)] > 0.0
+
+
+@inline_kernel
+def write_mark(block, i, k, does):
+    """Write flag k of lane i."""
+    block[i + U(LANES) * U(MARKS + k)] = 1.0 if does else 0.0
 
 
 @inline_kernel
@@ -117,9 +151,10 @@ def record_period(block, gaps, count, dt):
     hold = GOAL_HOLD - 0.5 * dt
     for i in range(U(count)):
         write_line(block, i, I(CLEARANCE), min(line(block, i, I(CLEARANCE)), gaps[i]))
-        arrives = (block[i + U(LANES * LONGEST)] >= hold) & (line(block, i, I(HAS_ARRIVED)) == 0.0)
-        write_line(block, i, I(ARRIVES), 1.0 if arrives else line(block, i, I(ARRIVES)))
-        write_line(block, i, I(HAS_ARRIVED), 1.0 if arrives else line(block, i, I(HAS_ARRIVED)))
+        has_arrived = mark(block, i, I(HAS_ARRIVED))
+        arrives = (block[i + U(LANES * LONGEST)] >= hold) & (not has_arrived)
+        write_mark(block, i, I(ARRIVES), arrives | mark(block, i, I(ARRIVES)))
+        write_mark(block, i, I(HAS_ARRIVED), arrives | has_arrived)
 
 
 @inline_kernel
@@ -129,11 +164,8 @@ def between(low, value, high):
 
 
 @inline_kernel
-def close_lanes(block, gaps, count, plant, flags):
-    """Close the policy step: violation, bounds, end, reward. ``gaps`` are the present clearances.
-
-    ``flags`` is a block with the lines of the flags, as 0 and 1.
-    """
+def close_lanes(block, gaps, count, plant):
+    """Close the policy step: violation, bounds, end, reward. ``gaps`` are the present clearances."""
     low, high = plant.low, plant.high
     for i in range(U(count)):
         least = line(block, i, I(CLEARANCE))
@@ -141,41 +173,24 @@ def close_lanes(block, gaps, count, plant, flags):
         least = gaps[i] if least == NO_OBSTACLE else least
         x, y, z = lane_triple(block, i)
         is_inside = between(low[0], x, high[0]) & between(low[1], y, high[1]) & between(low[2], z, high[2])
-        violates, arrived = least < 0.0, line(block, i, I(HAS_ARRIVED)) > 0.0
-        has_violated = violates | (line(block, i, I(HAS_VIOLATED)) > 0.0)
-        crashes, is_invalid = line(block, i, I(CRASH)), line(block, i, I(INVALID))
-        is_refused = (is_invalid > 0.0) & (line(block, i, I(IS_FLYING)) == 0.0)
-        ends = is_refused | (crashes > 0.0) | (violates & (plant.terminate_on_violation > 0.0))
+        violates, arrived = least < 0.0, mark(block, i, I(HAS_ARRIVED))
+        has_violated = violates | mark(block, i, I(HAS_VIOLATED))
+        is_refused = mark(block, i, I(INVALID)) & (not mark(block, i, I(IS_FLYING)))
+        ends = is_refused | mark(block, i, I(CRASH)) | (violates & (plant.terminate_on_violation > 0.0))
         ends = ends | (arrived & (plant.ends_at_goal > 0.0)) | (not is_inside)
         before, after = (
             line(block, i, I(DISTANCE)),
             distance_to(x, y, z, lane_triple(block, i + U(LANES * GOAL))),
         )
-        paid = reward(before, after, line(block, i, I(EFFORT)), line(block, i, I(ARRIVES)) > 0.0)
+        paid = reward(before, after, line(block, i, I(EFFORT)), mark(block, i, I(ARRIVES)))
         write_line(block, i, I(CLEARANCE), least)
-        write_line(block, i, I(COST), 1.0 if violates else 0.0)
-        write_line(block, i, I(HAS_VIOLATED), 1.0 if has_violated else 0.0)
         write_line(block, i, I(DISTANCE), after)
         write_line(block, i, I(REWARD), paid)
-        flags[i + U(LANES * IS_SUCCESS)] = 1.0 if arrived & (not has_violated) else 0.0
-        flags[i + U(LANES * VIOLATION)] = 1.0 if violates else 0.0
-        flags[i + U(LANES * OUT_OF_BOUNDS)] = 0.0 if is_inside else 1.0
-        flags[i + U(LANES * CRASHES)], flags[i + U(LANES * IS_INVALID)] = crashes, is_invalid
-        flags[i + U(LANES * IS_SATURATED)] = line(block, i, I(SATURATED))
-        flags[i + U(LANES * IS_SPINNING)] = line(block, i, I(SPINNING))
-        flags[i + U(LANES * TERMINATED)] = 1.0 if ends else 0.0
-
-
-@inline_kernel
-def store_closed(block, flag_block, first, count, rows):
-    """Reward, cost and clearance, and the flags, of the lanes into their lines."""
-    m = rows.yaw_acceleration.size
-    for k in range(OUTCOMES):
-        for i in range(U(count)):
-            rows.outcome[U(m) * U(k) + U(first) + i] = line(block, i, k)
-    for k in range(FLAGS):
-        for i in range(U(count)):
-            rows.flags[U(m) * U(k) + U(first) + i] = flag_block[U(LANES) * U(k) + i] > 0.0
+        write_mark(block, i, I(HAS_VIOLATED), has_violated)
+        write_mark(block, i, I(IS_SUCCESS), arrived & (not has_violated))
+        write_mark(block, i, I(VIOLATION), violates)
+        write_mark(block, i, I(OUT_OF_BOUNDS), not is_inside)
+        write_mark(block, i, I(TERMINATED), ends)
 
 
 @inline_kernel
@@ -187,16 +202,19 @@ def close_period(block, gaps, first, count, spheres, plant, rows):
 
 
 @inline_kernel
-def close_step(block, room, first, count, spheres, plant, rows):
+def close_step(block, gaps, count, spheres, plant):
     """Close the policy step of the lanes; the gaps are present ones after it."""
-    gaps, flag_block = room
     measure_here(block, count, spheres, gaps)
-    close_lanes(block, gaps, count, plant, flag_block)
-    store_closed(block, flag_block, first, count, rows)
+    close_lanes(block, gaps, count, plant)
 
 
 @inline_kernel
-def store_table(block, first, table):
-    """What is told of the rows, for the next period."""
-    for k in range(U(LANES * LINES)):
-        table[U(first * LINES) + k] = block[U(LANES * TABLE) + k]
+def store_told(block, first, count, closes, rows):
+    """What is told of the rows, for the next period; whether it ``closes`` the policy step."""
+    m, lanes = U(size_of(rows)), whole(count)
+    for k in range(NUMBERS):
+        for i in range(lanes):
+            rows.table[m * U(k) + U(first) + i] = block[U(LANES * TABLE) + U(LANES) * U(k) + i]
+    for k in range(0 if closes else FOUND_LAST, FLAGS):
+        for i in range(lanes):
+            rows.flags[m * U(k) + U(first) + i] = U8(block[U(LANES * MARKS) + U(LANES) * U(k) + i])

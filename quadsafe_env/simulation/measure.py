@@ -28,12 +28,11 @@ from quadsafe_env.simulation.block import (
     EFFORT,
     INVALID,
     IS_FLYING,
-    LINES,
     SATURATED,
     SPINNING,
 )
 from quadsafe_env.simulation.plant import Plant
-from quadsafe_env.simulation.rows import rows_in
+from quadsafe_env.simulation.rows import rows_in, size_of
 from quadsafe_env.tasks.obstacles import NO_OBSTACLE
 from quadsafe_env.vehicle.actions import attitude_law, rates_law, snap_law, velocity_law, wrench_law
 from quadsafe_env.vehicle.flatness import flat_from_state
@@ -70,20 +69,23 @@ def load_actions(block, first, count, actions):
 def open_rows(block, first, count, flies_anyway, rows):
     """Open a policy step under actions in the lines of commands; rows whose action is not finite are marked.
 
-    A row with such an action is not stepped, unless it ``flies_anyway``, 1.0: a shield is there to answer it.
+    A row with such an action is not stepped, unless it ``flies_anyway``: a shield is there to answer it.
     """
-    table, at = rows.table, U(first * LINES)
+    table, flags, m = rows.table, rows.flags, U(size_of(rows))
     for i in range(U(count)):
         x, y, z, w = lane_command(block, i)
         is_finite = (abs(x) < math.inf) & (abs(y) < math.inf) & (abs(z) < math.inf) & (abs(w) < math.inf)
         a, b, c, d = clipped(x), clipped(y), clipped(z), clipped(w)
-        table[at + U(LANES * EFFORT) + i] = a * a + b * b + c * c + d * d if is_finite else 0.0
-        table[at + U(LANES * INVALID) + i] = 0.0 if is_finite else 1.0
-        table[at + U(LANES * IS_FLYING) + i] = 1.0 if is_finite else flies_anyway
-        table[at + U(LANES * CLEARANCE) + i] = NO_OBSTACLE
-        table[at + U(LANES * ARRIVES) + i] = 0.0
-        table[at + U(LANES * CRASH) + i], table[at + U(LANES * SATURATED) + i] = 0.0, 0.0
-        table[at + U(LANES * SPINNING) + i] = 0.0
+        at = U(first) + i
+        table[m * U(EFFORT) + at] = a * a + b * b + c * c + d * d if is_finite else 0.0
+        table[m * U(CLEARANCE) + at] = NO_OBSTACLE
+        flags[m * U(INVALID) + at] = 0 if is_finite else 1
+    for i in range(U(count)):
+        at = U(first) + i
+        flags[m * U(IS_FLYING) + at] = 1 if flies_anyway else 1 - flags[m * U(INVALID) + at]
+    for k in (ARRIVES, CRASH, SATURATED, SPINNING):
+        for i in range(U(count)):
+            flags[m * U(k) + U(first) + i] = 0
 
 
 @inline_kernel
@@ -111,22 +113,23 @@ def store_measured(block, i, flat, wish):
 
 
 @inline_kernel
-def give_measured(block, first, count, rows):
+def give_measured(block, first, count, rows, wishes):
     """Flat states and wishes of the lanes into their rows; an invalid action wishes no snap."""
-    from_lanes(block, I(FLAT), rows.flat, I(12), first, count)
-    from_lanes(block, I(WISH), rows.snap, I(3), first, count)
-    refused = 0
+    from_lanes(block, I(FLAT), wishes, I(12), first, count)
+    snaps = wishes[12 * size_of(rows) :]
+    from_lanes(block, I(WISH), snaps, I(3), first, count)
+    refused, invalid = 0, size_of(rows) * INVALID + first
     for i in range(U(count)):
         rows.yaw_acceleration[U(first) + i] = block[U(LANES * (WISH + 3)) + i]
-        refused += 1 if rows.table[U(first * LINES + LANES * INVALID) + i] > 0.0 else 0
+        refused += rows.flags[U(invalid) + i]
     for i in range(count if refused > 0 else 0):
-        if rows.table[first * LINES + LANES * INVALID + i] > 0.0:
+        if rows.flags[invalid + i]:
             at = 3 * (first + i)
-            rows.snap[at] = rows.snap[at + 1] = rows.snap[at + 2] = np.nan
+            snaps[at] = snaps[at + 1] = snaps[at + 2] = np.nan
 
 
 @inline_kernel
-def measure_rows(law, numbers, opens, is_shielded, memory, actions):
+def measure_rows(law, numbers, opens, is_shielded, memory, wishes, actions):
     """Flat states, desired snaps and yaw accelerations of every row under a law of ``vehicle.actions``.
 
     Args:
@@ -135,57 +138,58 @@ def measure_rows(law, numbers, opens, is_shielded, memory, actions):
         opens: whether it is the first period of a policy step.
         is_shielded: whether rows fly though their action is not finite.
         memory: of the rows, see ``Rows``.
+        wishes: the numbers of ``Wishes``.
         actions: (N, 4), float32.
     """
     plant, rows, block = unraveled(numbers, Plant), rows_in(borrowed(memory)), new_block(I(ENTRIES))
-    flies_anyway = 1.0 if is_shielded else 0.0
+    asked = borrowed(wishes).reshape(-1)
     for first in range(0, actions.shape[0], LANES):
         count = min(LANES, actions.shape[0] - first)
         to_lanes(rows.state, I(STATE_SIZE), first, count, block, I(0))
         load_actions(block, first, count, actions)
         if opens:
-            open_rows(block, first, count, flies_anyway, rows)
+            open_rows(block, first, count, is_shielded, rows)
         command_lanes(block, count, plant.scale)
         for i in range(U(count)):
             s, command = lane_state(block, i), lane_command(block, i)
             wish = law(s, command, plant.params, plant.gains)
             store_measured(block, i, flat_from_state(s, plant.params), wish)
-        give_measured(block, first, count, rows)
+        give_measured(block, first, count, rows, asked)
 
 
 @kernel
-def measure_velocity(numbers, opens, is_shielded, memory, actions):
+def measure_velocity(numbers, opens, is_shielded, memory, wishes, actions):
     """``measure_rows`` under ``velocity_law``."""
     wide_vectors()
-    measure_rows(velocity_law, numbers, opens, is_shielded, memory, actions)
+    measure_rows(velocity_law, numbers, opens, is_shielded, memory, wishes, actions)
 
 
 @kernel
-def measure_snap(numbers, opens, is_shielded, memory, actions):
+def measure_snap(numbers, opens, is_shielded, memory, wishes, actions):
     """``measure_rows`` under ``snap_law``."""
     wide_vectors()
-    measure_rows(snap_law, numbers, opens, is_shielded, memory, actions)
+    measure_rows(snap_law, numbers, opens, is_shielded, memory, wishes, actions)
 
 
 @kernel
-def measure_wrench(numbers, opens, is_shielded, memory, actions):
+def measure_wrench(numbers, opens, is_shielded, memory, wishes, actions):
     """``measure_rows`` under ``wrench_law``."""
     wide_vectors()
-    measure_rows(wrench_law, numbers, opens, is_shielded, memory, actions)
+    measure_rows(wrench_law, numbers, opens, is_shielded, memory, wishes, actions)
 
 
 @kernel
-def measure_rates(numbers, opens, is_shielded, memory, actions):
+def measure_rates(numbers, opens, is_shielded, memory, wishes, actions):
     """``measure_rows`` under ``rates_law``."""
     wide_vectors()
-    measure_rows(rates_law, numbers, opens, is_shielded, memory, actions)
+    measure_rows(rates_law, numbers, opens, is_shielded, memory, wishes, actions)
 
 
 @kernel
-def measure_attitude(numbers, opens, is_shielded, memory, actions):
+def measure_attitude(numbers, opens, is_shielded, memory, wishes, actions):
     """``measure_rows`` under ``attitude_law``."""
     wide_vectors()
-    measure_rows(attitude_law, numbers, opens, is_shielded, memory, actions)
+    measure_rows(attitude_law, numbers, opens, is_shielded, memory, wishes, actions)
 
 
 class Measure(Protocol):
@@ -197,9 +201,10 @@ class Measure(Protocol):
         opens: bool,
         is_shielded: bool,
         memory: NDArray[np.float64],
+        wishes: NDArray[np.float64],
         actions: NDArray[np.float32],
     ) -> None:
-        """Write flat states, desired snaps and yaw accelerations into the memory."""
+        """Write flat states and desired snaps into the wishes, yaw accelerations into the memory."""
         ...
 
 

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel
 from quadsafe_core.kernels.lanes import LANES, aligned_rows
-from quadsafe_env.simulation.block import LINES
+from quadsafe_env.simulation.block import FLAGS, NUMBERS
 from quadsafe_env.vehicle.state import STATE_SIZE
 
-OUTCOMES, FLAGS = 3, 8
 # What a world has as views of its memory: a copy makes them anew.
 COLUMNS = frozenset(
     [
@@ -24,12 +23,10 @@ COLUMNS = frozenset(
         "scenes",
         "obstacles",
         "openings",
-        "outcomes",
         "flags",
-        "_flat",
-        "_snap",
+        "_kept",
         "_yaw_acceleration",
-        "_table",
+        "table",
     ]
 )
 
@@ -40,44 +37,65 @@ class Rows(NamedTuple):
     | field            | of a row | laid out     | meaning                                                  |
     |------------------|----------|--------------|----------------------------------------------------------|
     | state            | 20       | row by row   | as in ``quadsafe_env.vehicle.state``                     |
-    | flat             | 4 × 3    | row by row   | r, ṙ, r̈, r⃛ for the filter, m, m/s, m/s², m/s³           |
-    | snap             | 3        | row by row   | desired, for the filter, m/s⁴                            |
     | yaw_acceleration | 1        | row by row   | desired, rad/s²                                          |
-    | table            | 14       | in lanes     | the lines of ``quadsafe_env.simulation.block``           |
-    | outcome          | 3        | line by line | reward, cost and clearance, m, of the last policy step   |
-    | flags            | 8 bool   | line by line | of the last policy step, as in ``episode``               |
+    | table            | 5        | line by line | the numbers of ``quadsafe_env.simulation.block``         |
+    | flags            | 12 bytes | line by line | the flags of ``quadsafe_env.simulation.block``           |
     """
 
     state: NDArray[np.float64]
-    flat: NDArray[np.float64]
-    snap: NDArray[np.float64]
     yaw_acceleration: NDArray[np.float64]
     table: NDArray[np.float64]
-    outcome: NDArray[np.float64]
-    flags: NDArray[np.bool_]
+    flags: NDArray[np.uint8]
 
 
+# Numbers of a flat state.
+FLAT = 12
 # float64 of a row in each column, and before it.
-NUMBERS: Any = Rows(STATE_SIZE, 12, 3, 1, LINES, OUTCOMES, FLAGS // 8)  # type: ignore[arg-type]
-AT: Any = Rows(*accumulate(NUMBERS[:-1], initial=0))  # type: ignore[arg-type]
-SIZE = sum(NUMBERS)
+WIDTHS: Any = Rows(STATE_SIZE, 1, NUMBERS, -(-FLAGS // 8))  # type: ignore[arg-type]
+AT: Any = Rows(*accumulate(WIDTHS[:-1], initial=0))  # type: ignore[arg-type]
+SIZE = sum(WIDTHS)
 
 
 def rows_of(memory):
     """The columns within the memory (SIZE, M) of a world."""
     numbers, m = memory.reshape(-1), memory.shape[1]
     return Rows(
-        state=numbers[AT.state * m : AT.flat * m],
-        flat=numbers[AT.flat * m : AT.snap * m],
-        snap=numbers[AT.snap * m : AT.yaw_acceleration * m],
+        state=numbers[AT.state * m : AT.yaw_acceleration * m],
         yaw_acceleration=numbers[AT.yaw_acceleration * m : AT.table * m],
-        table=numbers[AT.table * m : AT.outcome * m],
-        outcome=numbers[AT.outcome * m : AT.flags * m],
-        flags=numbers[AT.flags * m : SIZE * m].view(np.bool_),
+        table=numbers[AT.table * m : AT.flags * m],
+        flags=numbers[AT.flags * m : SIZE * m].view(np.uint8),
     )
 
 
 rows_in = inline_kernel(rows_of)
+
+
+@inline_kernel
+def size_of(rows):
+    """How many rows there is memory for, M."""
+    return rows.yaw_acceleration.size
+
+
+class Wishes(NamedTuple):
+    """What a filter is given of N rows, in one array, which kernels are given; a world has it for a step only.
+
+    | field   | shape        | meaning                                                  |
+    |---------|--------------|----------------------------------------------------------|
+    | numbers | (15, M)      | flat states, then snaps, row by row                      |
+    | flat    | (N, 4, 3)    | r, ṙ, r̈, r⃛, m, m/s, m/s², m/s³                          |
+    | snap    | (N, 3)       | desired, m/s⁴                                            |
+    """
+
+    numbers: NDArray[np.float64]
+    flat: NDArray[np.float64]
+    snap: NDArray[np.float64]
+
+
+def wishes_of(n: int) -> Wishes:
+    """Room for the wishes of ``n`` rows."""
+    numbers = aligned_rows(FLAT + 3, -(-n // LANES) * LANES)
+    flat, snap = numbers[:FLAT].reshape(-1, 4, 3), numbers[FLAT:].reshape(-1, 3)
+    return Wishes(numbers, flat[:n], snap[:n])
 
 
 def memory_of(n: int) -> NDArray[np.float64]:

@@ -15,14 +15,16 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import released
+from quadsafe_core.kernels.lanes import LANES
 from quadsafe_core.kernels.ravel import raveled
 from quadsafe_core.shapes import Obstacles
 from quadsafe_env.simulation.batches import next_words, place_rows
+from quadsafe_env.simulation.block import CLEARANCE, FLAGS, NUMBERS, TOLD_FLAGS, VIOLATION
 from quadsafe_env.simulation.episode import INFO_KEYS, outcome_of
 from quadsafe_env.simulation.measure import MEASURES, Measure
 from quadsafe_env.simulation.plant import Plant
 from quadsafe_env.simulation.rates import Rates, check_rates
-from quadsafe_env.simulation.rows import COLUMNS, FLAGS, OUTCOMES, memory_of, restore_arrays, rows_of
+from quadsafe_env.simulation.rows import COLUMNS, Wishes, memory_of, restore_arrays, rows_of, wishes_of
 from quadsafe_env.simulation.slot import (
     MinimalFilter,
     Passed,
@@ -130,11 +132,12 @@ class World:
         """The columns of the memory as arrays of their shapes; those in ``COLUMNS`` are views of it."""
         n, rows = self.n, rows_of(self._memory)
         self.states = rows.state.reshape(-1, STATE_SIZE)[:n]
-        self._flat, self._snap = rows.flat.reshape(-1, 4, 3)[:n], rows.snap.reshape(-1, 3)[:n]
+        # In a step of a single row a twentieth of the time.
+        self._kept = wishes_of(n) if n <= LANES else None
         self._yaw_acceleration = rows.yaw_acceleration[:n]
-        self.outcomes = rows.outcome.reshape(OUTCOMES, -1)[:, :n]
-        self.flags = rows.flags.reshape(FLAGS, -1)[:, :n]
-        self._table = rows.table
+        m = rows.yaw_acceleration.size
+        self.table = rows.table.reshape(NUMBERS, m)[:, :n]
+        self.flags = rows.flags[: FLAGS * m].view(np.bool_).reshape(FLAGS, m)[:, :n]
         self.scenes = scenes_of(self._scene_memory)
         self.openings = openings_of(self._source.bodies, *self.scenes.radius.shape)
         self.obstacles = obstacles_among(self.scenes, self._source, self.params.radius)
@@ -159,7 +162,7 @@ class World:
 
     def flat_states(self) -> NDArray[np.float64]:
         """Flat states (N, 4, 3), a fresh array."""
-        flat = np.empty_like(self._flat)
+        flat = np.empty((self.n, 4, 3))
         flat_batch(self.states, self.params, flat)
         return flat
 
@@ -182,11 +185,10 @@ class World:
             **bodies,
             "states": self.states,
             "words": self.words,
-            "outcomes": self.outcomes,
+            "table": self.table,
             "flags": self.flags,
             "seeds": self._seeds,
             "episodes": self._episodes,
-            "table": self._table,
             **self.scenes._asdict(),
         }
 
@@ -251,20 +253,16 @@ class World:
     def step(self, actions: NDArray) -> NDArray[np.float32]:
         """One policy step of every row under actions (N, 4); the observations after it, a fresh array."""
         observations = np.empty((self.n, self.observation_size), dtype=np.float32)
+        wishes = self._kept or wishes_of(self.n)
         for period in range(self._periods):
-            self._control_period(actions, observations, period == 0, period == self._periods - 1)
+            self._wish(actions, wishes, period == 0)
+            answer = self._slot.filter(wishes.flat, self.obstacles, wishes.snap, self.control_period)
+            self._fly(safe_snaps(answer, self.n), observations, period == self._periods - 1)
         return observations
 
-    def _control_period(
-        self, actions: NDArray, observations: NDArray[np.float32], opens: bool, closes: bool
-    ) -> None:
-        self._wish(actions, opens)
-        answer = self._slot.filter(self._flat, self.obstacles, self._snap, self.control_period)
-        self._fly(safe_snaps(answer, self.n), observations, closes)
-
-    def _wish(self, actions: NDArray, opens: bool) -> None:
+    def _wish(self, actions: NDArray, wishes: Wishes, opens: bool) -> None:
         """Flat states and desired snaps and yaw accelerations, from the states and the actions."""
-        self._measure(self._plant, opens, self.is_shielded, self._memory, actions)
+        self._measure(self._plant, opens, self.is_shielded, self._memory, wishes.numbers, actions)
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:
         """Hold the safe snaps (N, 3) for the period; the last one of a policy step closes it."""
@@ -286,7 +284,7 @@ class World:
 
     def outcome(self) -> tuple[NDArray[np.float64], NDArray[np.bool_], dict[str, NDArray]]:
         """Rewards, ends and the info of the last step, fresh arrays (N,)."""
-        rewards, ends, info = outcome_of(self.outcomes.copy(), self.flags.copy())
+        rewards, ends, info = outcome_of(self.table, self.flags)
         return rewards, ends, info | self.followed()
 
     def followed(self) -> dict[str, NDArray]:
@@ -295,6 +293,7 @@ class World:
 
     def outcome_of_one(self) -> tuple[float, bool, dict[str, float | bool]]:
         """Reward, end and info of the only row."""
-        reward, cost, clearance = self.outcomes.reshape(-1).tolist()
-        *flags, terminated = self.flags.reshape(-1).tolist()
-        return reward, terminated, dict(zip(INFO_KEYS, (cost, clearance, *flags), strict=True))
+        reward, clearance = self.table[: CLEARANCE + 1, 0].tolist()
+        terminated, *told = self.flags[:TOLD_FLAGS, 0].tolist()
+        values = float(told[VIOLATION - 1]), clearance, *told
+        return reward, terminated, dict(zip(INFO_KEYS, values, strict=True))

@@ -22,6 +22,7 @@ from shields.backup.lengths import IN_LANES, whole_periods
 from shields.backup.stored_stop import SEGMENTS
 from shields.chains.flat_state import Flat, Led, behind_of, own_gap
 from shields.interface.bodies import ROUNDS, core_stays_away, facing, is_there, raised, widened
+from shields.interface.records import velocity_of
 
 
 class Stop(NamedTuple):
@@ -195,7 +196,7 @@ def bodies_are_clear(i, attempt, stop, bodies, share):
     for k in range(radius.shape[1]):
         core = entry_at(bodies.cores, (i, k))
         if is_there(core, radius[i, k]):
-            c, drift = triple(bodies.center, i, k), triple(bodies.velocity, i, k)
+            c, drift = triple(bodies.center, i, k), velocity_of(i, k, bodies)
             keep, gap = widened(core, radius[i, k], share), subtract(attempt.x.r, c)
             at_rest = combined(subtract(end, c), -duration, drift)
             if not one_plane_does(core, keep, (gap, at_rest), drift, attempt, stop):

@@ -7,6 +7,7 @@ frame that moves with w. Whether a stop is clear is not asked here (``shields.ba
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from quadsafe_core.kernels.choice import none_without, none_without_field
 from quadsafe_core.kernels.jit import inline_kernel, kernel
@@ -182,3 +183,13 @@ def feedback(plan, x, period, gains):
 def tracking_snap(plan, x, period, gains, snap_max):
     """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
     return within_ball(combined(mean_snap(plan, period), 1.0, feedback(plan, x, period, gains)), snap_max)
+
+
+def check_stops(plans: NDArray[np.void]) -> None:
+    """Raise unless stops from outside are such as kernels can look at."""
+    choice, left = plans["choice"], plans["segments_left"]
+    if not ((choice >= 0) & (choice < len(LENGTHS)) & (left >= 0) & (left <= SEGMENTS)).all():
+        raise ValueError(
+            f"snapshot must hold stops of choice 0 to {len(LENGTHS) - 1} and 0 to {SEGMENTS} segments left, "
+            f"got choice {choice.min()} to {choice.max()}, {left.min()} to {left.max()} segments"
+        )

@@ -31,6 +31,7 @@ from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, new_block, sto
 from quadsafe_core.kernels.vec3 import triple, vector
 from shields.backup.stored_stop import NOTHING, periods_of
 from shields.chains.flat_state import Flat
+from shields.interface.records import velocity_of
 from shields.interface.row_checks import is_finite
 
 NO_SNAP = (math.nan, math.nan, math.nan)
@@ -102,7 +103,7 @@ def fill_spheres(block, first, count, measured, half_spaces):
             block[at + 3 * LANES + i] = bodies.radius[row, k]
             n = half_spaces[row, k]["n"]
             block[at + 4 * LANES + i], block[at + 5 * LANES + i], block[at + 6 * LANES + i] = n[0], n[1], n[2]
-            is_still = triple(bodies.velocity, row, k) == NOTHING
+            is_still = velocity_of(row, k, bodies) == NOTHING
             block[at + 7 * LANES + i] = 1.0 if is_still and is_finite(vector(measured.snap[row])) else 0.0
             if not is_still:
                 block[LANES * STOPS + i] = 0.0

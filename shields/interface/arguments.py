@@ -137,8 +137,10 @@ def row_error(i: int, flat: NDArray, center: NDArray, radius: NDArray) -> ValueE
         return error
 
 
-def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Velocities of the shape of the centres, with N in front."""
+def velocity_rows(velocity: ArrayLike | None, shape: tuple[int, ...]) -> NDArray[np.float64] | None:
+    """Velocities of the shape of the centres, with N in front; None for None."""
+    if velocity is None:
+        return None
     found = np.shape(velocity)
     if math.prod(found) != math.prod(shape) or found[-2:] != shape[-2:]:
         raise ValueError(f"velocity must have the shape of center, got {found}")

@@ -18,7 +18,7 @@ from quadsafe_core.shapes.cores import CORE, HALF_SPACE, SPHERE, Cores, cores_of
 from quadsafe_core.shapes.distance import nearest_point, signed_distance
 from quadsafe_core.shapes.support import support_height
 from shields.chains.radial import line_of_sight
-from shields.interface.records import Bodies, MovingBodies
+from shields.interface.records import Bodies, MovingBodies, velocity_row
 
 # The margin of a sphere is a share of its radius. That of another body, which may be as thin as the vehicle, is
 # the same share of this, m.
@@ -76,7 +76,8 @@ def cores_as_one_row(cores):
 @inline_kernel
 def bodies_of_row(i, bodies):
     """The bodies of row i, with their radii as the distances to keep."""
-    return MovingBodies(bodies.center[i], bodies.velocity[i], bodies.radius[i], cores_of_row(bodies.cores, i))
+    velocity = bodies.velocity[velocity_row(i, bodies.velocity)]
+    return MovingBodies(bodies.center[i], velocity, bodies.radius[i], cores_of_row(bodies.cores, i))
 
 
 @inline_kernel

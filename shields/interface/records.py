@@ -29,6 +29,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from quadsafe_core.kernels.jit import inline_kernel
+from quadsafe_core.kernels.vec3 import triple
 from quadsafe_core.shapes.cores import Cores
 
 
@@ -55,6 +57,7 @@ class MovingBodies(NamedTuple):
 class Bodies(NamedTuple):
     """The bodies of N worlds: centres (N, K, 3), m, velocities, m/s, radii (N, K), m, and their cores (N, K).
 
+    Where no body moves, velocities are (1, K, 3) zeros: ``velocity_of``.
     Without cores all are spheres, of which one with radius 0 is absent.
 
     Whole arrays, as every view of a row is counted by its owner, which takes longer than a quick test.
@@ -119,3 +122,15 @@ class FlightRules(NamedTuple):
     period: float
     limits: FlightLimits
     gains: tuple
+
+
+@inline_kernel
+def velocity_row(i, velocity):
+    """Where the velocities of row i are: where no body moves, one row stands for all."""
+    return min(i, velocity.shape[0] - 1)
+
+
+@inline_kernel
+def velocity_of(i, k, bodies):
+    """The velocity of body k of row i, m/s."""
+    return triple(bodies.velocity, velocity_row(i, bodies.velocity), k)

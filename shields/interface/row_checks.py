@@ -13,7 +13,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import norm, subtract, triple
 from shields.chains.flat_state import Behind, Flat, with_behind
 from shields.interface.filtered import FACTS
-from shields.interface.records import Answers
+from shields.interface.records import Answers, velocity_of
 
 # Pole of the braking feedback on (v, a, j), 1/s.
 BRAKING_POLE = 3.0
@@ -49,7 +49,8 @@ def checked_rows(measured, n, k):
         measured.flat.shape == (n, 4, 3)
         and center.shape == (n, k, 3)
         and radius.shape == (n, k)
-        and velocity.shape == (n, k, 3)
+        and velocity.shape[1:] == (k, 3)
+        and velocity.shape[0] in (1, n)
         and measured.snap.shape == (n, 3)
     ):
         return BAD_SHAPES
@@ -63,12 +64,12 @@ def checked_rows(measured, n, k):
 def is_usable(i, measured, largest):
     """Whether every measurement of row i is smaller than the largest, and no radius negative."""
     flat, bodies = measured.flat, measured.bodies
-    center, velocity, radius = bodies.center, bodies.velocity, bodies.radius
+    center, radius = bodies.center, bodies.radius
     for order in range(4):
         if not is_below(triple(flat, i, order), largest):
             return False
     for k in range(radius.shape[1]):
-        if not (is_below(triple(center, i, k), largest) and is_below(triple(velocity, i, k), largest)):
+        if not (is_below(triple(center, i, k), largest) and is_below(velocity_of(i, k, bodies), largest)):
             return False
         if not 0.0 <= float(radius[i, k]) < largest:
             return False

@@ -47,7 +47,8 @@ class Snapshots:
         self.reset()
         if not snapshot:
             return
-        n, k = snapshot["size"].tolist()
-        self._are_still = False
+        self._are_still, (n, k) = False, snapshot["size"].tolist()
         self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
+        if np.size(snapshot["memory"]) > self._method.memory.size:  # with velocities
+            self._method.move(np.zeros((n, k, 3)))
         self._method.recall(checked_memory(snapshot["memory"], self._method.memory))

@@ -255,7 +255,7 @@ class CbfMethod:
         record["u_max"], record["alpha"] = kept["snap_max"], kept["alpha"]
         record["input_max"] = kept["reserve"] * kept["snap_max"]
         record["braking"] = held_gains(3, BRAKING_POLE, period)
-        return Kernels(cbf_batch, cbf_one, self.memory, ())
+        return Kernels(cbf_batch, cbf_one, ())
 
 
 def _checked_bounds(bounds: ClosingBounds) -> ClosingBounds:

@@ -12,12 +12,12 @@ from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
-from quadsafe_core.kernels.borrow import taken
+from quadsafe_core.kernels.borrow import carved, taken
 from quadsafe_core.kernels.choice import only_if, same_without
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
 from shields.backup.recovery import RECOVERY_POLE
-from shields.backup.stored_stop import LED_PLAN, LENGTHS, PLAN, SEGMENTS
+from shields.backup.stored_stop import LED_PLAN, PLAN
 from shields.filters.easing import Easing, easing_at
 from shields.interface.filtered import NUMBERS
 from shields.interface.records import FlightLimits, FlightRules, ThrustBand
@@ -32,6 +32,7 @@ SETTINGS = np.dtype(
         ("obstacles", "i8"),  # K
         ("delay", "i8"),  # periods
         ("looks_ahead", "i8"),  # whether answers may be on their way, or lost: 0 or 1
+        ("moves", "i8"),  # whether there are velocities of every row: 0 or 1
         ("u_max", "f8"),  # m/s⁴
         ("gamma", "f8"),
         ("input_max", "f8"),  # m/s⁴
@@ -71,9 +72,8 @@ CARRIED = np.dtype(
     align=True,
 )
 SETTINGS_ROW, CARRIED_ROWS = np.zeros(0, dtype=SETTINGS), np.zeros(0, dtype=CARRIED)
-PLANS, LED_PLANS = np.zeros(0, dtype=PLAN), np.zeros(0, dtype=LED_PLAN)
-HALF_SPACES = np.zeros(0, dtype=HALF_SPACE)
-PLAN_SIZE = PLAN.itemsize
+PLANS, LED_PLANS, HALF_SPACES = (np.zeros(0, dtype=dtype) for dtype in (PLAN, LED_PLAN, HALF_SPACE))
+PLAN_SIZE, VELOCITY_SIZE = PLAN.itemsize, 3 * FLOATS.itemsize
 # Fewer rows than this are done one by one.
 FEW = 3
 # Among more bodies than this, those out of reach are not looked at; of one row alone, and in blocks.
@@ -124,7 +124,10 @@ class Remembered(NamedTuple):
 
 
 class SampledMemory(NamedTuple):
-    """Settings (1) ``SETTINGS``, what is remembered, and velocities of the spheres (N, K, 3), m/s."""
+    """Settings (1) ``SETTINGS``, what is remembered, and velocities of the bodies, m/s, which stand last.
+
+    Until a body moves they are (1, K, 3) zeros, then (N, K, 3).
+    """
 
     settings: NDArray[np.void]
     rows: Remembered
@@ -174,12 +177,13 @@ def stops_of(lag):
 
 @register_jitable
 def sampled_memory(memory, n, k, stops):
-    """The parts of a memory of N vehicles and K spheres, and the bytes behind them."""
-    settings, memory = taken(memory, SETTINGS_ROW, (1,))
-    plans, memory = taken(memory, stops, (n,))
-    half_spaces, memory = taken(memory, HALF_SPACES, (n, k))
-    velocities, memory = taken(memory, FLOATS, (n, k, 3))
-    return SampledMemory(settings, Remembered(plans, half_spaces), velocities), memory
+    """The parts of a memory of N vehicles and K spheres, and the bytes behind the half-spaces."""
+    settings, rest = taken(memory, SETTINGS_ROW, (1,))
+    plans, rest = taken(rest, stops, (n,))
+    half_spaces, rest = taken(rest, HALF_SPACES, (n, k))
+    shape = (n if settings[0]["moves"] > 0 else 1, k, 3)
+    velocities = carved(memory, memory.nbytes - shape[0] * k * VELOCITY_SIZE, FLOATS, shape)
+    return SampledMemory(settings, Remembered(plans, half_spaces), velocities), rest
 
 
 @register_jitable
@@ -199,19 +203,20 @@ def tube_memory(memory, n, k, ahead, stops):
     return TubeMemory(flats, centers, radii, before, pending, late, chains, behind, carried)
 
 
+def with_velocities(memory: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """The memory with velocities of every row, all 0 where there were none."""
+    settings, _ = taken(memory, SETTINGS_ROW, (1,))
+    if settings[0]["moves"]:
+        return memory
+    more = (settings[0]["rows"] - 1) * settings[0]["obstacles"] * VELOCITY_SIZE
+    memory = np.concatenate([memory, np.zeros(more, dtype=np.uint8)])
+    taken(memory, SETTINGS_ROW, (1,))[0][0]["moves"] = 1
+    return memory
+
+
 def recall(memory: NDArray[np.uint8], found: NDArray[np.uint8]) -> None:
     """Put another memory in place of one, but for the settings, which stand first: sizes are read from them."""
     memory[SETTINGS.itemsize :] = found[SETTINGS.itemsize :]
-
-
-def check_stops(plans: NDArray[np.void]) -> None:
-    """Raise unless stops from outside are such as kernels can look at."""
-    choice, left = plans["choice"], plans["segments_left"]
-    if not ((choice >= 0) & (choice < len(LENGTHS)) & (left >= 0) & (left <= SEGMENTS)).all():
-        raise ValueError(
-            f"snapshot must hold stops of choice 0 to {len(LENGTHS) - 1} and 0 to {SEGMENTS} segments left, "
-            f"got choice {choice.min()} to {choice.max()}, {left.min()} to {left.max()} segments"
-        )
 
 
 @kernel
@@ -246,8 +251,7 @@ def settings_of(s, kind):
 
 def sampled_size(n: int, k: int, stop: int = PLAN_SIZE) -> int:
     """Bytes of a ``SampledMemory`` with so many for a stop."""
-    velocity = 3 * FLOATS.itemsize
-    return SETTINGS.itemsize + n * stop + n * k * (HALF_SPACE.itemsize + velocity)
+    return SETTINGS.itemsize + n * stop + n * k * HALF_SPACE.itemsize + k * VELOCITY_SIZE
 
 
 def tube_size(n: int, k: int, delay: int, looks_ahead: bool, stop: int = PLAN_SIZE) -> int:
@@ -275,9 +279,8 @@ def write_settings(
     record["gamma"], record["margin"] = -math.expm1(-settings["alpha"] * period), settings["margin"]
     record["snap_max"], record["stop_snap_max"], record["jerk_max"], band = bounds.limits
     record["specific_thrust_min"], record["specific_thrust_max"], record["gravity"] = band
-    record["tracking"] = tracking
-    record["braking"] = held_gains(3, BRAKING_POLE, period)
-    record["recovery"] = held_gains(3, RECOVERY_POLE, period)
+    slow = (held_gains(3, pole, period) for pole in (BRAKING_POLE, RECOVERY_POLE))
+    record["tracking"], (record["braking"], record["recovery"]) = tracking, slow
     record["easing"], record["easing_left"], record["easing_within"] = easing_at(period, settings["margin"])
     record["closing"] = closing_bounds(settings)
     record["authority"] = bounds.authority or UNREAD

@@ -16,11 +16,10 @@ more than another argument, and the numbers of a ``Filtered``, which it fills. A
 
 
 class Kernels(NamedTuple):
-    """How a method filters at a period: rows, or one plant without the leading axis; its memory and kind."""
+    """How a method filters at a period: rows, or one plant without the leading axis; its kind."""
 
     batch: FilterKernel
     one: FilterKernel
-    memory: NDArray[Any]
     kind: tuple
 
 
@@ -28,7 +27,7 @@ class Method(Protocol):
     """A way to filter rows; made once from the settings of a shield."""
 
     memory: NDArray[Any]
-    """All that it remembers, one array; there from ``allocate`` on."""
+    """All that it remembers, one array; there from ``allocate`` on, larger where obstacles ``move``."""
 
     def allocate(self, rows: int, obstacles: int) -> None:
         """Make the memory for N plants and K spheres, empty."""

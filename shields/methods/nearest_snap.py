@@ -16,7 +16,7 @@ from shields.backup.stored_stop import NOTHING, within_ball
 from shields.blocks.block import is_taken
 from shields.chains.flat_state import Behind, Flat, behind_of, with_behind
 from shields.interface.bodies import Kept, is_there, look_at, spare_of, widened
-from shields.interface.records import Demand
+from shields.interface.records import Demand, velocity_of
 from shields.methods.authority_limits import LIMITS, limit_demand
 from shields.methods.halfspace import closing_along, demand_along, distance_demand, excess
 
@@ -88,7 +88,7 @@ def choose_directions(i, x, wanted, bodies, row, settings, fact):
     for k in range(radius.shape[1]):
         core = entry_at(bodies.cores, (i, k))
         if is_there(core, radius[i, k]) and not is_taken(row.found, k, chosen[k], fact):
-            y = relative_to(x, triple(bodies.center, i, k), triple(bodies.velocity, i, k))
+            y = relative_to(x, triple(bodies.center, i, k), velocity_of(i, k, bodies))
             n, margin, (distance, sight) = chosen[k]["n"], settings.margin, look_at(core, y.r)
             kept = Kept(widened(core, radius[i, k], margin), spare_of(core, radius[i, k], margin), core)
             demand = distance_demand(y, sight, direction(chosen[k]), wanted, kept, settings.sampling)

@@ -16,7 +16,7 @@ from shields.backup.certificate import ANY_THRUST
 from shields.backup.stored_stop import shift_stop
 from shields.chains.flat_state import behind_of, flown, lead, write_flat
 from shields.interface.bodies import bodies_of_row, is_there
-from shields.interface.records import BehindRows, MovingBodies
+from shields.interface.records import BehindRows, MovingBodies, velocity_of
 from shields.interface.row_checks import flat_of_row
 
 
@@ -89,7 +89,7 @@ def predicted(x, pending, period):
 @kernel
 def look_ahead(measured, delay, lag, held, tubes):
     """Put down every row, or its lead, as it will be when the answer is flown, and its stop before that."""
-    center, velocity, period = measured.bodies.center, measured.bodies.velocity, held.settings[0]["period"]
+    center, period = measured.bodies.center, held.settings[0]["period"]
     for i in range(measured.flat.shape[0]):
         if tubes.late[i] != 0.0:
             shift_stop(held.rows.plans[i], period, tubes.late[i])
@@ -98,8 +98,8 @@ def look_ahead(measured, delay, lag, held, tubes):
         write_flat(tubes.flats[i], x)
         write_behind(behind_of(x), i, tubes.behind)
         for k in range(center.shape[1]):
-            ahead = later(delay * period, lag)
-            write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, triple(velocity, i, k)))
+            ahead, velocity = later(delay * period, lag), velocity_of(i, k, measured.bodies)
+            write3(tubes.centers[i, k], combined(triple(center, i, k), ahead, velocity))
         tubes.before[i] = held.rows.plans[i]
 
 

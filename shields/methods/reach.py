@@ -28,7 +28,7 @@ from shields.backup.stored_stop import NOTHING
 from shields.chains.lower_bound import lower4
 from shields.filters.easing import REACH
 from shields.interface.bodies import is_there, look_at, widened
-from shields.interface.records import Bodies
+from shields.interface.records import Bodies, velocity_of
 from shields.methods.memory import HALF_SPACE as REMEMBERED
 
 # In place of the least input along a direction: the direction is a gap, from the centre of a body, m.
@@ -112,7 +112,7 @@ def least_apart(i, x, bodies, margin, apart):
         core, radius = entry_at(bodies.cores, (i, k)), bodies.radius[i, k]
         least, most = distance_between(core, subtract(x.r, triple(bodies.center, i, k)))
         keep, is_body = widened(core, radius, margin), is_there(core, radius)
-        is_still = triple(bodies.velocity, i, k) == NOTHING
+        is_still = velocity_of(i, k, bodies) == NOTHING
         distance = least - keep - ROUNDING * keep if is_still else -math.inf
         apart[k] = distance if is_body else math.inf
         nearest = min(nearest, most - keep) if is_body else nearest
@@ -156,7 +156,7 @@ def bodies_within(i, bodies, half_spaces, reach, near):
             core = entry_at(bodies.cores, (i, k))
             near.index[count], near.radius[count] = k, bodies.radius[i, k]
             write3(near.center[count], triple(bodies.center, i, k))
-            write3(near.velocity[count], triple(bodies.velocity, i, k))
+            write3(near.velocity[count], velocity_of(i, k, bodies))
             copy_core(bodies.cores, (i, k), near.cores, count)
             n = near.half_spaces[count]["n"]
             n[0], n[1], n[2] = last_direction(core, half_spaces[i, k])

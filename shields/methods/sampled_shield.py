@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.borrow import borrowed, one_row
 from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.maths.feedback import held_gains
-from shields.backup.stored_stop import PLAN
+from shields.backup.stored_stop import PLAN, check_stops
 from shields.interface.bodies import are_cores_of, unpacked
 from shields.interface.records import Bodies, Measured
 from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, checked_rows
@@ -17,7 +17,6 @@ from shields.methods.flight_bounds import bounds_of
 from shields.methods.memory import (
     HALF_SPACE,
     PLANS,
-    check_stops,
     empty_memory,
     is_memory_of,
     kind_of,
@@ -25,6 +24,7 @@ from shields.methods.memory import (
     sampled_memory,
     sampled_size,
     settings_of,
+    with_velocities,
     write_settings,
 )
 from shields.methods.method import Kernels
@@ -81,6 +81,8 @@ class SampledMethod:
 
     def move(self, velocity: NDArray[np.float64] | float) -> None:
         """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
+        if isinstance(velocity, np.ndarray):
+            self.memory = with_velocities(self.memory)
         sampled_memory(self.memory, *self._size, PLANS)[0].velocities[:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:
@@ -96,4 +98,4 @@ class SampledMethod:
         bounds = bounds_of(self._settings)
         write_settings(held.settings[0], self._settings, period, bounds, held_gains(4, TRACKING_POLE, period))
         kind = kind_of(self._settings, bounds, has_tube=False, size=self._size)
-        return Kernels(sampled_batch, sampled_one, self.memory, tuple(kind))
+        return Kernels(sampled_batch, sampled_one, tuple(kind))

@@ -16,7 +16,7 @@ from quadsafe_core.kernels.borrow import borrowed, one_row, taken
 from quadsafe_core.kernels.choice import entry_at, only_if
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import subtract, triple, vector, write3
-from shields.backup.stored_stop import advance_stop, tracking_snap, within_ball
+from shields.backup.stored_stop import advance_stop, check_stops, tracking_snap, within_ball
 from shields.chains.flat_state import flat_of
 from shields.interface.bodies import (
     are_cores_of,
@@ -41,7 +41,6 @@ from shields.methods.memory import (
     SETTINGS_ROW,
     SampledMemory,
     TubeMemory,
-    check_stops,
     empty_memory,
     is_memory_of,
     kind_of,
@@ -52,6 +51,7 @@ from shields.methods.memory import (
     stops_of,
     tube_memory,
     tube_size,
+    with_velocities,
     write_settings,
 )
 from shields.methods.method import Kernels
@@ -262,6 +262,8 @@ class TubeMethod:
 
     def move(self, velocity: NDArray[np.float64] | float) -> None:
         """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
+        if isinstance(velocity, np.ndarray):
+            self.memory = with_velocities(self.memory)
         self._parts()[0].velocities[:] = velocity
 
     def recall(self, found: NDArray[np.uint8]) -> None:
@@ -283,7 +285,7 @@ class TubeMethod:
         held.settings[0]["jitter"] = self._uncertainty.jitter
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
-        return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
+        return Kernels(tube_batch, tube_one, tuple(kind))
 
     def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Snaps (N, 3) of the stops that the rows of ``mask`` fly in place of their last answer; else 0."""

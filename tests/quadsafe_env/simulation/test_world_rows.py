@@ -20,7 +20,7 @@ def test_columns_are_the_memory_without_gap_and_overlap(n):
     blocks = memory.shape[1] // 16
     assert blocks * 16 - 16 < n <= blocks * 16 and not memory.any()
     parts = rows_of(memory)
-    assert [part.nbytes for part in parts] == [8 * 16 * blocks * k for k in (STATE_SIZE, 12, 3, 1, 14, 3, 1)]
+    assert [part.nbytes for part in parts] == [8 * 16 * blocks * k for k in (STATE_SIZE, 1, 5, 2)]
     for number, part in enumerate(parts):
         part.view(np.uint8)[:] = number + 1
     assert memory.view(np.uint8).min() > 0

@@ -128,9 +128,9 @@ def test_parts_of_the_memory_fill_it_one_after_the_other_and_say_their_sizes(lag
     assert not memory[32:].any()
     held, rest = sampled_memory(memory, n, k, stops)
     assert held.settings[0][["rows", "obstacles", "delay", "looks_ahead"]].item() == (n, k, delay, 1)
-    parts = [held.settings, *held.rows, held.velocities, *tube_memory(rest, n, k, (delay, True), stops)]
-    begin = memory.ctypes.data
-    assert [part.size > 0 for part in parts[-2:]] == [lag is not None] * 2
+    late = tube_memory(rest, n, k, (delay, True), stops)
+    parts, begin = [held.settings, *held.rows, *late, held.velocities], memory.ctypes.data
+    assert [part.size > 0 for part in late[-2:]] == [lag is not None] * 2
     for part in (part for part in parts if part.size):
         assert part.ctypes.data == begin and begin % 8 == 0 and np.shares_memory(part, memory)
         begin += part.nbytes

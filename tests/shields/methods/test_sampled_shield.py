@@ -479,3 +479,20 @@ def test_a_push_into_a_sphere_is_cut_along_the_line_of_sight():
     assert answer.intervened and answer.certified and answer.obstacle == 0
     assert answer.snap[0] < 1000.0
     assert np.isfinite(answer.snap).all()
+
+
+@pytest.mark.parametrize("uncertainty", [None, {"position": 0.01}])
+def test_bodies_that_begin_to_move_are_met_as_if_velocities_had_been_told_before(uncertainty):
+    rng = np.random.default_rng(8)
+    flat, center, radius, velocity = scene(rng, 8, 3, 0.1)
+    told, still = Shield(uncertainty=uncertainty), Shield(uncertainty=uncertainty)
+    for moves in (0.0, 0.0, 1.0, 1.0, 0.0):
+        wanted = 40 * rng.normal(size=(8, 3))
+        first = told.filter(flat, Obstacles.spheres(center, radius, moves * velocity), wanted, PERIOD)
+        others = Obstacles.spheres(center, radius, velocity if moves else None)
+        twin = Shield(uncertainty=uncertainty)
+        twin.restore(still.snapshot())
+        for shield in (still, twin):
+            np.testing.assert_array_equal(shield.filter(flat, others, wanted, PERIOD).numbers, first.numbers)
+        flat, center = moved(flat, first.snap, PERIOD), center + moves * PERIOD * velocity
+    assert still.snapshot()["memory"].size == told.snapshot()["memory"].size
