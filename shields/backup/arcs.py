@@ -30,6 +30,8 @@ MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
 # The hull of a piece and the vehicle behind it gets no shorter with the piece: its plane is turned more often.
 MORE_ROUNDS = 9
+# A rest beside a long edge may take many.
+REST_ROUNDS = 100
 # What a look at an arc finds.
 CLEAR, UNSURE, HIT = range(3)
 
@@ -227,8 +229,11 @@ def rest_is_clear(x, start, bodies):
 def ray_and_point_are_clear(core, gap, own, closing, keep):
     """Whether a plane keeps the core on its far side of a point, and of one that moves on from ``gap``."""
     speed, nearest = dot(closing, closing), nearest_to(core, gap)
-    for _ in range(ROUNDS):
+    for _ in range(REST_ROUNDS):
         way = nearest_on_chord(subtract(own, nearest), subtract(gap, nearest))
+        if norm(way) <= keep:
+            # They are no farther apart, so no plane will do.
+            return False
         lean = min(dot(way, closing), 0.0) / speed if speed > 0.0 else 0.0
         n = facing(core, combined(way, -lean, closing))
         length = norm(n)

@@ -8,6 +8,7 @@ import pytest
 from house import ROOT
 
 from quadsafe_core.shapes import Box, Obstacles, Sphere
+from quadsafe_core.shapes.cores import cores_of
 from shields import Shield, Uncertainty
 from shields.backup.arcs import is_separated, position_points, ray_and_point_are_clear, with_own_position
 from shields.backup.stored_stop import (
@@ -111,6 +112,23 @@ def test_at_rest_what_lies_between_the_vehicle_and_its_lead_is_clear_for_ever():
             assert np.linalg.norm(hull, axis=2).min() >= 0.5 - 1e-9
     assert 100 < found < 390
     assert not ray_and_point_are_clear(None, (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), NOTHING, 0.5)
+
+
+@pytest.mark.interpreted
+def test_at_rest_beside_a_box_the_plane_is_found_wherever_there_is_room():
+    rng, found, half = np.random.default_rng(5), [0, 0], np.array([1.0, 0.6, 0.02])
+    cores = cores_of(Obstacles.pack([Box([0.0, 0.0, 0.0], 2.0 * half)]).cores, 1, 1)
+    core = cores.core[0, 0], cores.numbers
+    for _ in range(300):
+        gap, own = 1.5 * rng.normal(size=3), 1.5 * rng.normal(size=3)
+        chord = own + np.linspace(0.0, 1.0, 801)[:, None] * (gap - own)
+        room = np.linalg.norm(chord - np.clip(chord, -half, half), axis=1).min()
+        for share, is_clear in ((0.9, True), (1.02, False)):
+            keep = share * room
+            if room > 0.05:
+                found[is_clear] += 1
+                assert ray_and_point_are_clear(core, three(gap), three(own), NOTHING, keep) == is_clear
+    assert min(found) > 100
 
 
 def test_no_error_takes_the_vehicle_or_its_lead_out_of_the_tube():
