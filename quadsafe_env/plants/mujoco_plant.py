@@ -17,7 +17,9 @@ mujoco: Any = import_module("mujoco")
 LAG = 0.0375
 MODEL = """
 <mujoco>
-  <option timestep="{step!r}" integrator="RK4" gravity="0 0 {gravity!r}" density="1.2" viscosity="1.8e-5"/>
+  <option timestep="{step!r}" integrator="RK4" gravity="0 0 {gravity!r}" density="1.2" viscosity="1.8e-5">
+    <flag autoreset="disable"/>
+  </option>
   <worldbody>
     <body name="vehicle">
       <freejoint/>
@@ -40,7 +42,8 @@ class MujocoPlant(RotorPlant):
     """A quadrotor in MuJoCo, integrated by its RK4 step, in air that drags (its inertia-box model).
 
     The vehicle collides as the sphere around it, and is pushed back; ``contacts`` counts the steps at whose end
-    MuJoCo itself finds the sphere in a body: two counters, one truth.
+    MuJoCo itself finds the sphere in a body: two counters, one truth. Numbers that are no longer finite stay
+    so: MuJoCo's own reset would put the vehicle back to its start without a word.
 
     Args:
         obstacles: spheres, boxes, capsules, cylinders and half-spaces at rest, as in ``fly``.

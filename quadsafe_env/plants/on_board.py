@@ -7,9 +7,10 @@ At every step δ of the plant, from its attitude, body rates and rotor thrusts,
 
 with the wrench (F_z, τ) of ``leading_wrench``, so that the vehicle's snap follows the one asked for,
 T ṡ = u − s, as a shield that is told ``rotor_lag`` T counts on (``docs/theory/lag.md``). A torque −D ω with
-which air is known to brake the turn is counted in. The commands are kept to [0, thrust_max/4], p to four of
-these, and a thrust below the floor of the flat map counts as the floor there; ``RotorPlant.saturated`` counts
-the steps in which that changed something. The heading is held by ω_z alone.
+which air is known to brake the turn is counted in: the rotors are asked for τ + D (ω + θ ω̇). The commands are
+kept to [0, thrust_max/4], p to four of these, and a thrust below the floor of the flat map counts as the floor
+there; ``RotorPlant.saturated`` counts the steps in which that changed something. The heading is held by ω_z
+alone.
 """
 
 from abc import ABC, abstractmethod
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.checks import exact_array, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import add, subtract
+from quadsafe_core.kernels.vec3 import add, scale, subtract
 from quadsafe_env.disturbances.rotor_lag import lag_lead
 from quadsafe_env.plants.plant import steps_in
 from quadsafe_env.vehicle.actions import YAW_RATE_POLE
@@ -28,6 +29,7 @@ from quadsafe_env.vehicle.authority import yaw_range
 from quadsafe_env.vehicle.flatness import flat_state
 from quadsafe_env.vehicle.inner_loop import leading_wrench
 from quadsafe_env.vehicle.params import QuadrotorParams
+from quadsafe_env.vehicle.rigid_body import angular_acceleration
 from quadsafe_env.vehicle.rotors import collected, levers, mixed, within_range
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, STATE_SIZE, THRUST
 from quadsafe_env.vehicle.yaw import within
@@ -55,6 +57,12 @@ def given_by(thrusts, asked, lag, lever):
     return collective, rate, (asked[1] - rate) / lag, torque
 
 
+@inline_kernel
+def braked(omega, damping):
+    """D ω, by which air brakes the turn."""
+    return (damping[0] * omega[0], damping[1] * omega[1], damping[2] * omega[2])
+
+
 @kernel
 def command_rotors(body, thrusts, snap, asked, loop, out):
     """Commands of the four rotors for a step into ``out``, N, and whether one was cut.
@@ -68,14 +76,16 @@ def command_rotors(body, thrusts, snap, asked, loop, out):
     lift, full = max(collective, params.thrust_min), params.thrust_max
     s = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, *attitude, *omega, lift, rate)
     turn = within(-YAW_RATE_POLE * omega[2], -loop.yaw, loop.yaw)
-    brake = (loop.damping[0] * omega[0], loop.damping[1] * omega[1], loop.damping[2] * omega[2])
-    given = (second, *subtract(torque, brake))
-    wrench = leading_wrench(s, (snap[0], snap[1], snap[2]), turn, given, loop.lead, params)
+    torque = subtract(torque, braked(omega, loop.damping))
+    wrench = leading_wrench(s, (snap[0], snap[1], snap[2]), turn, (second, *torque), loop.lead, params)
+    # The rotors meet the brake when they have followed, at the rates of then.
+    then = add(omega, scale(loop.lead[1], angular_acceleration(omega, torque, params)))
+    wanted = add(wrench[1:4], braked(then, loop.damping))
     middle = asked[0] + 0.5 * step * (asked[1] + 0.25 * step * wrench[0])
     later = asked[0] + step * (asked[1] + 0.5 * step * wrench[0])
     asked[0] = within(later, 0.0, full)
     asked[1] = asked[1] + step * wrench[0] if asked[0] == later else 0.0
-    commands, is_cut = within_range(mixed(middle, add(wrench[1:4], brake), loop.lever), 0.0, 0.25 * full)
+    commands, is_cut = within_range(mixed(middle, wanted, loop.lever), 0.0, 0.25 * full)
     for i in range(4):
         out[i] = commands[i]
     return is_cut or asked[0] != later or lift != collective
@@ -139,7 +149,7 @@ class RotorPlant(ABC):
 
     def fly(self, snap: Array, period: float) -> Array:
         """See ``Plant``."""
-        positions = np.empty((steps_in(period, self.step), 3))
+        positions, snap = np.empty((steps_in(period, self.step), 3)), exact_array("snap", snap, (3,))
         body, thrusts = self.measure()
         for i in range(len(positions)):
             self.saturated += command_rotors(body, thrusts, snap, self._asked, self._loop, self._commands)

@@ -85,6 +85,20 @@ def test_without_a_collision_it_has_no_contact():
     assert plant.contacts == 0
 
 
+def test_a_flight_that_blows_up_is_not_begun_again(tmp_path, monkeypatch):
+    # MuJoCo writes its log where it is run.
+    monkeypatch.chdir(tmp_path)
+    plant = MujocoPlant()
+
+    def controller(flat):
+        if plant.data.time > 0.05:
+            plant.data.qvel[0] = np.nan
+        return np.zeros(3)
+
+    with pytest.raises(ValueError, match="positions of the plant must be finite, got nan"):
+        fly(plant, controller, np.zeros(3), seconds=0.2)
+
+
 def test_a_shield_that_is_told_keeps_it_out_of_a_sphere():
     plant, told = MujocoPlant(obstacles=BODIES[:1]), {"rotor_lag": 0.0375, "snap": 1.5, "wind": 0.45}
 
