@@ -16,7 +16,7 @@ from quadsafe_env.plants import Flight, Plant, fly, make_plant
 from shields import Shield
 
 SPHERE = [0.0, 0.0, 0.0, 0.5]
-TOLD = {"rotor_lag": 0.072, "snap": 11.3, "wind": 0.6}
+TOLD = {"rotor_lag": 0.072, "snap": 8.0, "wind": 0.57}
 
 
 def towards(goal):

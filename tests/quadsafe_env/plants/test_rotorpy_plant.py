@@ -33,7 +33,7 @@ def test_the_flat_state_of_a_reset_is_the_one_asked_for_and_stays(vehicle, lag):
 
 
 def test_a_shield_that_is_told_keeps_it_out_of_a_sphere():
-    plant, told = make_plant("rotorpy"), {"rotor_lag": 0.072, "snap": 11.3, "wind": 0.6}
+    plant, told = make_plant("rotorpy"), {"rotor_lag": 0.072, "snap": 8.0, "wind": 0.57}
     bare, untold, safe = (
         fly(plant, through_the_sphere, [-1.4, 0.1, 0.0], [SPHERE], seconds=2.0, shield=shield)
         for shield in (None, Shield(), Shield(uncertainty=told))
