@@ -10,7 +10,8 @@ import gymnasium
 import quadsafe_env  # noqa: F401 - registers the ids
 from shields import ShieldWrapper
 from shields.methods.flight_bounds import bounds_of
-from shields.settings.uncertainty import checked_uncertainty, tube_of
+from shields.settings.tube import tube_of
+from shields.settings.uncertainty import checked_uncertainty
 
 RATES = (
     *((1000, 1000), (500, 500), (500, 100), (500, 50), (500, 20), (500, 10), (500, 5), (500, 1)),

@@ -10,7 +10,7 @@ from quadsafe_core.flight_model import FlightModel
 from quadsafe_env.signals.told_worlds import ToldWorld
 from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.split_world import AnyWorld, SplitWorld
-from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, uncertainty_under
+from quadsafe_env.tasks.conditions import SPEED_COUNTED_ON, Conditions, followed_lag, uncertainty_under
 from quadsafe_env.vehicle.authority import authority, yaw_range
 from quadsafe_env.vehicle.inner_loop_error import Flight, lead, snap_error
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -69,11 +69,25 @@ class PlantAccess:
         """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
 
         Raises:
-            ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+            ValueError: for what has no such bounds: impulses without a gap, or rotors that lag behind an inner
+                loop that is not told.
         """
         return uncertainty_under(
-            self.conditions, speed=SPEED_COUNTED_ON, thrust=self.params.specific_thrust_max
+            self.conditions,
+            speed=SPEED_COUNTED_ON,
+            thrust=self.params.specific_thrust_max,
+            compensates_lag=self._world.compensates_lag,
+            substeps=self._world.rates.physics // self._world.rates.control,
         )
+
+    @property
+    def rotor_lag(self) -> tuple[float, float]:
+        """Least and greatest time constant to declare as ``Uncertainty(rotor_lag=)``, s.
+
+        It is that of the lag which a vehicle with ``lag_compensation="told"`` flies: for ``rotor_rise`` and
+        ``rotor_fall`` the greater of both.
+        """
+        return followed_lag(self.conditions)
 
     @property
     def flight_model(self) -> FlightModel:
@@ -92,7 +106,9 @@ class PlantAccess:
     def _snap_error(self, snap: float, jerk: float, thrust: float, physics_hz: int) -> float:
         met, dt, period = self.conditions, 1.0 / physics_hz, self.control_period
         flight = Flight((1.0 + met.gain) * snap, jerk, thrust, self._world.yaw_hold_at(dt).range)
-        return snap_error(flight, self.params, dt, period, met.inertia_error)
+        # The inner loop is told the middle of an interval.
+        least, most = followed_lag(met)
+        return snap_error(flight, self.params, dt, period, met.inertia_error, 0.5 * (most - least))
 
     @property
     def action_scale(self) -> NDArray[np.float64]:

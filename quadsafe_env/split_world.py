@@ -37,6 +37,7 @@ class SplitWorld:
         ends = np.cumsum([part.n for part in parts]).tolist()
         self._ranges = list(zip(self.parts, [0, *ends], ends, strict=False))
         self.params, self.rates, self.conditions = first.params, first.rates, first.conditions
+        self.compensates_lag = first.compensates_lag
         self.control_period, self.action_scale = first.control_period, first.action_scale
         self.rotor_limits, self.yaw_hold_at = first.rotor_limits, first.yaw_hold_at
         self.observation_space = first.observation_space

@@ -15,17 +15,17 @@ from shields.interface.arguments import (
     as_array,
     as_cores,
     as_obstacles,
-    check_snapshot,
     checked_mask,
-    checked_memory,
     control_period,
     measurement_error,
+    positive_rows,
     shape_error,
     size_of,
     velocity_rows,
 )
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import DONE
+from shields.interface.snapshots import Snapshots
 from shields.methods.cbf_shield import CbfMethod
 from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
@@ -36,7 +36,7 @@ from shields.settings.uncertainty import Uncertainty
 METHODS = {"sampled": SampledMethod, "cbf": CbfMethod}
 
 
-class Shield:
+class Shield(Snapshots):
     """Turns desired snaps into safe ones: one memory for one plant, or for N plants flown together.
 
     Each plant is held at least a keep-out distance away from every obstacle: sphere, capsule, cylinder, box,
@@ -62,7 +62,7 @@ class Shield:
 
     With an ``uncertainty`` all this holds for the vehicle as it is, not as it is known, as long as every error
     is within its bound: a tube around each stored stop holds them all, and is kept out of the obstacles and
-    within the limits (``shields.settings.uncertainty``). Then ``value`` is that of the radius with the tube.
+    within the limits (``shields.settings.tube``). Then ``value`` is that of the radius with the tube.
 
     Every departure is reported in ``Filtered``.
 
@@ -160,7 +160,7 @@ class Shield:
                 ``Obstacles.spheres(center, radius)``; for one plant also a list of shapes, mappings or rows
                 [x, y, z, radius].
             snap: (N, 3) desired snaps, m/s⁴; for one plant leave N out everywhere.
-            period: for how long the snap is held, s; at most 1: milliseconds are none.
+            period: for how long the snap is held, s; 1e-9 to 1: milliseconds are none.
 
         Returns:
             ``Filtered``.
@@ -168,7 +168,7 @@ class Shield:
         Raises:
             TypeError: for what is no number: strings and booleans are none.
             ValueError: for wrong shapes, measurements that are not finite or not below 1e100, radius < 0,
-                period <= 0 or > 1, or obstacles that the method does not take.
+                period < 1e-9 or > 1, or obstacles that the method does not take.
         """
         if period == self._period:
             try:
@@ -257,6 +257,23 @@ class Shield:
         rows = checked_mask(mask, self._leading).reshape(self._size[0])
         return cast(TubeMethod, self._method).backup(rows).reshape(*self._leading, 3)
 
+    def held_for(self, seconds: ArrayLike) -> None:
+        """Tell for how long the last answers were held, (N,) or one number, s, before the next ``filter``.
+
+        Where ``uncertainty.jitter`` is declared it has to be told, else it is the period.
+
+        Raises:
+            ValueError: for a shield without, before the first call of ``filter``, or for no such times.
+        """
+        declared = self._settings["uncertainty"]
+        if declared is None or declared["jitter"] == 0.0:
+            raise ValueError("uncertainty.jitter must be > 0 for answers held too long or too short, got 0")
+        if self._size is None:
+            raise ValueError("held_for must follow a call of filter, got none since the last reset()")
+        cast(TubeMethod, self._method).held_for(
+            positive_rows("seconds", seconds, self._size[:1]) / self._period
+        )
+
     def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
         """The rows of ``mask`` (N,) fly these snaps (M, 3), not the last answer: their stops are void."""
         self._method.override(mask, snaps)
@@ -272,29 +289,3 @@ class Shield:
         """Whether ``backup`` may be asked."""
         declared = self._settings["uncertainty"]
         return declared is not None and declared["losses"]
-
-    def snapshot(self) -> dict[str, NDArray]:
-        """All that this shield remembers, as copies, for ``restore``; empty before the first call."""
-        if self._size is None:
-            return {}
-        return {
-            "memory": self._method.memory.copy(),
-            "size": np.array(self._size),
-            "period": np.array(self._period),
-            "is_single": np.array(self._leading == ()),
-        }
-
-    def restore(self, snapshot: Mapping[str, NDArray]) -> None:
-        """Go on where a shield of equal settings was when it gave this snapshot.
-
-        Raises:
-            ValueError: for the snapshot of another method, or what is none.
-        """
-        check_snapshot(snapshot)
-        self.reset()
-        if not snapshot:
-            return
-        n, k = snapshot["size"].tolist()
-        self._are_still = False
-        self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
-        self._method.recall(checked_memory(snapshot["memory"], self._method.memory))

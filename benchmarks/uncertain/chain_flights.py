@@ -44,12 +44,14 @@ class Found(NamedTuple):
 
 def scaled(bounds: Uncertainty, factor: float) -> Uncertainty:
     """The bounds times a factor; a delay in whole periods."""
-    numbers = {name: factor * getattr(bounds, name) for name in Uncertainty._fields[:7]}
-    return bounds._replace(**numbers, delay=round(factor * bounds.delay), rotor_lag=factor * bounds.rotor_lag)
+    numbers = {name: factor * getattr(bounds, name) for name in (*Uncertainty._fields[:7], "impulse", "jitter")}
+    lag = bounds.rotor_lag
+    lag = (factor * lag[0], factor * lag[1]) if isinstance(lag, tuple) else factor * lag
+    return bounds._replace(**numbers, delay=round(factor * bounds.delay), rotor_lag=lag)
 
 
-def moved(x: Array, snaps: list[Array], wind: Array, t: float) -> Array:
-    """Flat states (N, 4, 3) after a time under wind and the snap that each order is as if it had been held."""
+def moved(x: Array, snaps: list[Array], wind: Array, t: Array) -> Array:
+    """Flat states (N, 4, 3) after times (N, 1) under wind and the snaps that are as if they were held."""
     r, v, a, j = np.moveaxis(x, 1, 0)
     rows = (
         r + t * (v + t * ((a + wind) / 2 + t * (j / 6 + t * snaps[4] / 24))),
@@ -61,21 +63,73 @@ def moved(x: Array, snaps: list[Array], wind: Array, t: float) -> Array:
 
 
 class Rotors:
-    """What the vehicles are at of their snap (N, 3), m/s⁴, behind a lag, s, from 0."""
+    """What the vehicles are at of their snap (N, 3), m/s⁴, behind a lag, s, from 0; or one in an interval."""
 
-    def __init__(self, n: int, lag: float):
-        self._lag, self._snap = lag, np.zeros((n, 3))
+    def __init__(self, n: int, lag: float | tuple[float, float]):
+        self._lags, self._snap = lag if isinstance(lag, tuple) else (lag, lag), np.zeros((n, 3))
+        self._is_slow, self._turn = np.zeros((n, 1), dtype=np.bool_), 0
 
-    def snaps(self, asked: Array, push: Array, t: float) -> list[Array]:
-        """For the 0- to 4-fold integral, what a held snap would be that does the same in a time t."""
-        if not self._lag > 0.0:
+    def switch(self, rng: np.random.Generator, asked: Array, away: Array) -> None:
+        """Choose an end of the interval: the one that takes a vehicle to the sphere, or any."""
+        worst = np.einsum("ni,ni->n", asked - self._snap, away) > 0.0
+        kind, self._turn = np.arange(len(away)) // POLICIES % PATTERNS, self._turn + 1
+        chosen = [worst, rng.random(len(away)) < 0.5, kind < 0, kind >= 0, ~worst if self._turn % 2 else worst]
+        self._is_slow = np.choose(kind, chosen)[:, None]
+
+    def snaps(self, asked: Array, push: Array, t: Array) -> list[Array]:
+        """For the 0- to 4-fold integral, what a held snap would be that does the same in times t (N, 1)."""
+        if not self._lags[0] > 0.0:
             return [asked + push] * 5
-        shares = [lag_shares(k, t, self._lag) for k in range(5)]
-        return [old * self._snap + new * asked + push for old, new in shares]
+        both = np.hstack([t, np.where(self._is_slow, self._lags[1], self._lags[0])])
+        pairs, which = np.unique(both, axis=0, return_inverse=True)
+        found = np.array([[lag_shares(k, time, lag) for time, lag in pairs] for k in range(5)])
+        shares = found[:, which.ravel(), :, None]
+        return [old * self._snap + new * asked + push for old, new in np.moveaxis(shares, 2, 1)]
 
-    def follow(self, asked: Array, t: float) -> None:
-        """Move on by a time t."""
+    def follow(self, asked: Array, t: Array) -> None:
+        """Move on by times (N, 1)."""
         self._snap = self.snaps(asked, np.zeros_like(asked), t)[0]
+
+
+class Clock:
+    """How long the periods of N vehicles last, over their length: as short or long as may be, or between."""
+
+    def __init__(self, rng: np.random.Generator, n: int, jitter: float):
+        self._rng, self._jitter, self._step = rng, jitter, 0
+        self._pattern = np.arange(n) // POLICIES % PATTERNS
+
+    def next(self) -> Array:
+        """(N, 1)."""
+        if self._jitter == 0.0:
+            return np.ones((len(self._pattern), 1))
+        self._step += 1
+        ends, between = self._rng.choice([-1.0, 1.0], len(self._pattern)), self._rng.integers(-4, 5) / 4.0
+        turns = np.full(len(self._pattern), 1.0 if self._step // 12 % 2 else -1.0)
+        signs = np.choose(
+            self._pattern, [np.ones_like(ends), ends, turns, -np.ones_like(ends), 0.0 * ends + between]
+        )
+        return (1.0 + self._jitter * signs)[:, None]
+
+
+class Pushes:
+    """Sudden changes of the velocity (N, 3), m/s: at the sphere as often as they may come, or now and then."""
+
+    def __init__(self, rng: np.random.Generator, n: int, bounds: Uncertainty, period: float):
+        self._rng, self._size, self._left = rng, bounds.impulse, np.zeros(n)
+        self._gap, self._period = bounds.impulse_gap, period
+        self._share = np.choose(np.arange(n) // POLICIES % PATTERNS, [1.0, 0.05, 1.0, 0.2, 1.0])
+
+    def next(self, away: Array, nearest: Array) -> Array:
+        """What comes now, of vehicles that are so far away, m."""
+        if self._size == 0.0:
+            return np.zeros_like(away)
+        self._left = self._left - self._period
+        is_pushed = (self._left <= 1e-9) & (self._rng.random(len(away)) < self._share) & (nearest < 0.6)
+        self._left[is_pushed] = self._gap
+        loose = self._rng.normal(size=away.shape)
+        loose /= np.linalg.norm(loose, axis=1, keepdims=True)
+        at_random = (np.arange(len(away)) // POLICIES % PATTERNS == 4)[:, None]
+        return self._size * np.where(is_pushed[:, None], np.where(at_random, loose, -away), 0.0)
 
 
 class Errors:
@@ -200,6 +254,8 @@ def fly(
     errors, policy = Errors(rng, n, actual, period), Policy(rng, n, center, period)
     queue = np.zeros((n, actual.delay + 1, 3))
     got_through, rotors = np.zeros((n, 3)), Rotors(n, actual.rotor_lag)
+    clock, held = Clock(np.random.default_rng([seed, rate, 2]), n, actual.jitter), np.full((n, 1), period)
+    pushes, nearest = Pushes(np.random.default_rng([seed, rate, 1]), n, actual, period), np.full(n, np.inf)
     steps = round(SECONDS * rate)
     clearance, speed = np.full(n, np.inf), np.zeros(n)
     bad_steps = uncertified = changed = stopped = 0
@@ -207,6 +263,8 @@ def fly(
         away = nearest_away(x, center, radius, edge)
         noise, push, gain, wind = errors.next(away)
         estimate = x + noise
+        if step > 0 and declared is not None and declared.jitter > 0.0:
+            shield.held_for(held[:, 0])
         answer = shield.filter(estimate, bodies, policy.snaps(estimate, away), period)
         snap = answer.snap.copy()
         if actual.losses and step > 0:
@@ -215,12 +273,18 @@ def fly(
         got_through = snap
         queue = np.concatenate([queue[:, 1:], snap[:, None]], axis=1)
         asked = queue[:, 0] * (1 + gain)
+        if isinstance(actual.rotor_lag, tuple):
+            rotors.switch(rng, asked, away)
+        x[:, 1] += pushes.next(away, nearest)
         least = np.full(n, np.inf)
-        for t in np.linspace(0.0, period, LOOKS + 1)[1:]:
+        held = period * clock.next()
+        for share in np.linspace(0.0, 1.0, LOOKS + 1)[1:]:
+            t = share * held
             r = moved(x, rotors.snaps(asked, push, t), wind, t)[:, 0]
             least = np.minimum(least, ways_out(r, center, radius, edge)[1].min(axis=1))
-        x = moved(x, rotors.snaps(asked, push, period), wind, period)
-        rotors.follow(asked, period)
+        x = moved(x, rotors.snaps(asked, push, held), wind, held)
+        rotors.follow(asked, held)
+        nearest = least
         clearance, speed = np.minimum(clearance, least), speed + np.linalg.norm(x[:, 1], axis=1) / steps
         bad_steps += int((least < -ROUNDING).sum())
         uncertified += int((~answer.certified).sum())

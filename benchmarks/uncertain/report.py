@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 
 from shields import Uncertainty
 from shields.interface.records import FlightLimits, ThrustBand
-from shields.settings.uncertainty import tube_of
+from shields.settings.tube import tube_of
 
 # A shield with free numbers as it comes: ū = 200 m/s⁴, reserve 3.
 LIMITS = FlightLimits(600.0, 600.0, math.inf, ThrustBand(1.0, math.inf, 9.81))
@@ -200,7 +200,7 @@ def draw(rows: list[Row], path: Path) -> None:
         for arm, color in COLORS.items():
             found = rows_with(rows, part="beyond", kind=kind, arm=arm)
             if found:
-                _line(axis, found, size, color, LABELS[arm])
+                line(axis, found, size, color, LABELS[arm])
         if rows_with(rows, part="beyond", kind=kind, arm="told"):
             axis.axvline(size, color="#70757d", ls=":", lw=1.2)
         axis.set_xlabel(f"{title}, {unit}")
@@ -213,7 +213,8 @@ def draw(rows: list[Row], path: Path) -> None:
     figure.savefig(path, dpi=130)
 
 
-def _line(axis: Any, rows: list[Row], size: float, color: str, label: str) -> None:
+def line(axis: Any, rows: list[Row], size: float, color: str, label: str) -> None:
+    """Shares of flights with a violation over the level of rows, with their exact bands."""
     levels = size * np.array([float(row["level"]) for row in rows])
     counts = [(int(row["violated_episodes"]), int(row["episodes"])) for row in rows]
     ends = [binomtest(*count).proportion_ci(0.95) for count in counts]

@@ -29,9 +29,11 @@ class Disturbance(NamedTuple):
     inertia_error: float
     lag: tuple[float, float]
     dt: float
+    substeps: int
     jitter: float
     impulse: float
     impulse_chance: float
+    impulse_rest: int
 
 
 def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
@@ -55,7 +57,9 @@ def disturbance(c: Conditions, control_period: float, dt: float) -> Disturbance:
         inertia_error=c.inertia_error,
         lag=lag_interval(c),
         dt=dt,
+        substeps=round(control_period / dt),
         jitter=c.jitter,
         impulse=c.impulse,
         impulse_chance=-math.expm1(-c.impulse_rate * control_period),
+        impulse_rest=math.ceil(c.impulse_gap / dt * (1.0 - 1e-12)),
     )

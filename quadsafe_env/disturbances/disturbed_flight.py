@@ -91,8 +91,10 @@ def steps_of(substeps, d, m):
 def struck(v, d, m):
     """Velocity after the impulse that a row meets in the present period, or meets none."""
     key, n = period_key(m)
-    if uniform(key, n + IMPULSE, 0.0, 1.0) >= d.impulse_chance:
+    has_rested = m["steps"] - m["pushed"] >= d.impulse_rest
+    if not has_rested or uniform(key, n + IMPULSE, 0.0, 1.0) >= d.impulse_chance:
         return v
+    m["pushed"] = m["steps"]
     return add(v, directed(key, n + IMPULSE + 1, d.impulse))
 
 
@@ -170,6 +172,7 @@ def fly_row(block, lane, row, among, told, m):
     store_lane(block, U(lane), s)
     m["periods"] += 1
     m["steps"] += steps
+    m["lasted"] = steps
 
 
 @kernel

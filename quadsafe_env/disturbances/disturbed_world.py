@@ -21,7 +21,7 @@ from quadsafe_env.disturbances.rotor_lag import lag_lead
 from quadsafe_env.disturbances.rotor_thrusts import slow_rotors
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.simulation.world import World
-from quadsafe_env.tasks.conditions import Conditions, lag_interval
+from quadsafe_env.tasks.conditions import Conditions, followed_lag
 from quadsafe_env.tasks.scenes import Task
 from quadsafe_env.vehicle.actions import VelocityGains, velocity_gains
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -54,16 +54,16 @@ class DisturbedWorld(World):
         compensates_lag: bool = False,
         **settings: Any,
     ):
-        self.conditions = conditions
+        self.conditions, self.compensates_lag = conditions, compensates_lag
         super().__init__(n, task, params, **settings)
         met = disturbance(conditions, self.control_period, 1.0 / self.rates.physics)
         self._disturbance = raveled(met)
         self._disturbed_plant = np.concatenate([self._plant, self._disturbance])
         # The middle of an interval is off by the least. Without a lead the kernels are compiled without it.
         dt, rise, fall = 1.0 / self.rates.physics, conditions.rotor_rise, conditions.rotor_fall
-        lag = 0.5 * (sum(lag_interval(conditions)) + rise + fall)
+        lag = 0.5 * sum(followed_lag(conditions))
         lead = lag_lead(lag, dt) if compensates_lag and lag > 0.0 else None
-        slow = tuple(slow_rotors(params, rise, fall, dt)) if rise > 0.0 else None
+        slow = tuple(slow_rotors(params, rise, fall, dt, compensates_lag)) if rise > 0.0 else None
         self._drive = (self._rotors, lead, slow)
         # The other interfaces do not feed the estimate back.
         feeds_back = settings["action"] == "velocity"
@@ -98,6 +98,9 @@ class DisturbedWorld(World):
 
     def _wish(self, actions: NDArray, opens: bool) -> None:
         super()._wish(actions, opens)
+        tell = self._slot.held_for
+        if tell is not None:
+            tell(self._weather["lasted"] / self.rates.physics)
         self._estimate(self._disturbance, self._weather, self._feedback, self._flat, self._snap)
 
     def _fly(self, snap: NDArray[np.float64], observations: NDArray[np.float32], closes: bool) -> None:

@@ -27,6 +27,8 @@ BIAS, WIND, GAIN, MASS, INERTIA, CALM, LAG, GUSTS = 0, 8, 10, 11, 12, 13, 17, 32
 PER_PERIOD = 32
 ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 
+# Physics steps; longer than any flight.
+LONG_AGO = 2**62
 # What each of N rows remembers of its conditions: an array of records, (N,).
 #
 # | field      | of a row | meaning                                                                 |
@@ -41,6 +43,8 @@ ERROR, LOSS, JITTER, IMPULSE, WHITE = 0, 12, 13, 14, 17
 # |            |          | mean that rotors still give                                             |
 # | periods    |          | control periods flown in the episode                                    |
 # | steps      |          | physics steps flown in the episode                                      |
+# | lasted     |          | physics steps of the last control period                                |
+# | pushed     |          | physics steps flown in the episode when the last impulse came           |
 # | turbulence | 3        | the Gauss–Markov noise, before its limit, m/s²                          |
 # | wrench     | 4        | the lagged wrench, N/s² and N m                                         |
 # | believed   | 4        | the lagged wrench as an inner loop that is told of the lag counts it    |
@@ -59,6 +63,8 @@ WEATHER = np.dtype(
         ("lag", np.float64, 2),
         ("periods", np.int64),
         ("steps", np.int64),
+        ("lasted", np.int64),
+        ("pushed", np.int64),
         ("turbulence", np.float64, 3),
         ("wrench", np.float64, 4),
         ("believed", np.float64, 4),
@@ -159,7 +165,7 @@ def draw_rows(rows, words, numbers, weather, line):
         key, later = derived_key(base, 0), derived_key(base, 1)
         keys = m["keys"]
         keys[0], keys[1], keys[2], keys[3] = key.low, key.high, later.low, later.high
-        m["periods"], m["steps"] = 0, 0
+        m["periods"], m["steps"], m["lasted"], m["pushed"] = 0, 0, d.substeps, -LONG_AGO
         m["wrench"][:], m["believed"][:], m["through"][:], line[i] = 0.0, 0.0, 0.0, 0.0
         for order in range(4):
             write3(m["bias"][order], directed(key, BIAS + 2 * order, d.bias[order]))

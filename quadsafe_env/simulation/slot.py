@@ -16,6 +16,7 @@ NOTHING_DONE = (False, -1)
 # Whether each row was corrected, (N,), and the sphere that asked for most, (N,), −1 for none; or one for all.
 Done = tuple[NDArray[np.bool_] | bool, NDArray[np.int64] | int]
 Backup = Callable[[NDArray[np.bool_]], NDArray[np.float64]]
+HeldFor = Callable[[NDArray[np.float64]], None]
 
 
 class SafeSnaps(Protocol):
@@ -67,6 +68,14 @@ class SnapFilter(MinimalFilter, Protocol):
         """
         ...
 
+    @property
+    def held_for(self) -> HeldFor | None:
+        """What is told for how long the last answers were held (N,), s, before ``filter``; None: nothing.
+
+        Periods differ only under jitter, ``quadsafe_env.tasks.conditions``.
+        """
+        ...
+
 
 class Passed(NamedTuple):
     """The answer of ``PassThrough``."""
@@ -79,6 +88,7 @@ class PassThrough:
 
     done: Done = NOTHING_DONE
     backup: Backup | None = None
+    held_for: HeldFor | None = None
 
     def filter(self, flat, obstacles, snap, period):
         """Return the desired snap."""
@@ -89,12 +99,13 @@ class PassThrough:
 
 
 class Completed:
-    """A filter that lacks ``done`` or ``backup``, with those of the empty slot in their place."""
+    """A filter that lacks ``done``, ``backup`` or ``held_for``, with those of the empty slot in their place."""
 
     def __init__(self, given: MinimalFilter):
         self._given = given
         self._done: Any = given if hasattr(given, "done") else PassThrough
         self._backup: Any = given if hasattr(given, "backup") else PassThrough
+        self._clock: Any = given if hasattr(given, "held_for") else PassThrough
 
     def filter(self, flat, obstacles, snap, period):
         """See ``MinimalFilter``."""
@@ -114,10 +125,15 @@ class Completed:
         """See ``SnapFilter``."""
         return self._backup.backup
 
+    @property
+    def held_for(self) -> HeldFor | None:
+        """See ``SnapFilter``."""
+        return self._clock.held_for
+
 
 def completed(given: MinimalFilter) -> SnapFilter:
     """A filter that can be asked all, the given one if it can."""
-    is_complete = hasattr(given, "done") and hasattr(given, "backup")
+    is_complete = all(hasattr(given, name) for name in ("done", "backup", "held_for"))
     return cast(SnapFilter, given) if is_complete else Completed(given)
 
 

@@ -64,6 +64,7 @@ class World:
     """
 
     conditions: Conditions = OFF
+    compensates_lag = False
 
     def __init__(
         self,

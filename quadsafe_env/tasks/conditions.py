@@ -24,6 +24,7 @@
 |                      |         | whole physics steps, at least one                                         |
 | `impulse`            | m/s     | length of a sudden change of the velocity in a random direction           |
 | `impulse_rate`       | 1/s     | of such changes; one happens in a period T with probability 1 − e^(−rT)   |
+| `impulse_gap`        | s       | for so long after one there is no other                                   |
 | `rotor_rise`, …      | s       | time constants of first-order lags of the thrusts of four rotors that     |
 |                      |         | rise, and with `rotor_fall` fall; each then keeps to [0, thrust_max/4]    |
 
@@ -32,6 +33,7 @@ control periods flown: the same scene is the same weather. ``docs/conditions.md`
 filter and the policy see.
 """
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -52,6 +54,8 @@ def _checked(conditions: "Conditions") -> "Conditions":
         a, b = getattr(checked, one), getattr(checked, other)
         if (a > 0.0) != (b > 0.0):
             raise ValueError(f"{one} and {other} must both be 0 or both be > 0, got {a:g} and {b:g}")
+    if checked.impulse_gap > 0.0 and checked.impulse == 0.0:
+        raise ValueError(f"impulse_gap must be 0 without an impulse, got {checked.impulse_gap:g}")
     return checked
 
 
@@ -108,6 +112,7 @@ class Conditions(NamedTuple):
     impulse_rate: float = 0.0
     rotor_rise: float = 0.0
     rotor_fall: float = 0.0
+    impulse_gap: float = 0.0
 
 
 OFF = Conditions()
@@ -145,7 +150,6 @@ CONDITIONS = {
         jitter=0.2,
     ),
 }
-UNBOUNDED = ("rotor_lag", "rotor_rise", "jitter", "impulse")
 # The turbulence is at most so many standard deviations long.
 TURBULENCE_LIMIT = 3.0
 # Error of the snap that the inner loop flies, m/s⁴: more than in 99.99 % of periods of random snaps at 50 to
@@ -184,6 +188,16 @@ def lag_interval(conditions: Conditions) -> tuple[float, float]:
     return lag if isinstance(lag, tuple) else (lag, lag)
 
 
+def followed_lag(conditions: Conditions) -> tuple[float, float]:
+    """Least and greatest time constant of the one lag that a loop that is told makes of them, s.
+
+    Of rotors that rise and fall with time constants of their own it is the greater one.
+    """
+    low, high = lag_interval(conditions)
+    slowest = max(conditions.rotor_rise, conditions.rotor_fall)
+    return low + slowest, high + slowest
+
+
 def is_lag_told(value: "str | bool") -> bool:
     """Whether the inner loop is told of the lag, from the keyword ``lag_compensation``, "told" or False."""
     if value is False or value == "told":
@@ -191,13 +205,22 @@ def is_lag_told(value: "str | bool") -> bool:
     raise ValueError(f'lag_compensation must be "told" or False, got {value!r}')
 
 
-def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) -> dict[str, Any]:
+def uncertainty_under(
+    conditions: Conditions,
+    *,
+    speed: float,
+    thrust: float,
+    compensates_lag: bool = False,
+    substeps: int | None = None,
+) -> dict[str, Any]:
     """Bounds of what the conditions do to the flat state, by the names of ``shields.Uncertainty``.
 
         estimate  noise + bias
         snap      the inner loop's own error
         gain      (1 + gain)/(1 − ι) − 1 for an inertia error ι
         wind      wind + gust + 3 turbulence + drag · speed + μ/(1 − μ) · thrust for a mass error μ
+        lag       what ``followed_lag`` has, if the inner loop is told of it
+        jitter    that of whole physics steps
 
     A flat acceleration is that of the believed vehicle: what mass and air add to it is wind.
 
@@ -205,14 +228,25 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         conditions: what a flight meets.
         speed: largest speed that is counted on, m/s.
         thrust: largest specific thrust of the believed vehicle that is counted on, m/s².
+        compensates_lag: whether the inner loop is told of the rotors' lag.
+        substeps: physics steps in a control period; None for any number.
 
     Raises:
-        ValueError: for rotor lag, jitter or impulses, which have no such bounds.
+        ValueError: for what has no such bounds: impulses without a gap, rotors that lag twice, or behind an
+            inner loop that is not told.
     """
-    for name in UNBOUNDED:
-        if getattr(conditions, name) != 0.0:
-            raise ValueError(f"{name} must be 0 for bounds of what the conditions do, got {conditions}")
-    met = conditions
+    met, (least, most) = conditions, followed_lag(conditions)
+    if met.impulse > 0.0 and met.impulse_gap == 0.0:
+        raise ValueError(
+            f"impulse_gap must be > 0 for bounds of what an impulse of {met.impulse:g} m/s does, got 0"
+        )
+    if met.rotor_lag != 0.0 and met.rotor_rise > 0.0:
+        raise ValueError(
+            "rotor_lag must be 0 where rotor_rise and rotor_fall are not for bounds of what the conditions do, "
+            f"got {met.rotor_lag}"
+        )
+    if most > 0.0 and not compensates_lag:
+        raise ValueError('lag_compensation must be "told" for bounds of what rotors that lag do, got False')
     air = met.wind + met.gust + TURBULENCE_LIMIT * met.turbulence + met.drag * speed
     return {
         "position": met.position_noise + met.position_bias,
@@ -224,4 +258,14 @@ def uncertainty_under(conditions: Conditions, *, speed: float, thrust: float) ->
         "wind": air + met.mass_error / (1.0 - met.mass_error) * thrust,
         "delay": met.delay,
         "losses": met.loss > 0.0,
+        "rotor_lag": most if least == most else (least, most),
+        "impulse": met.impulse,
+        "impulse_gap": met.impulse_gap,
+        "jitter": met.jitter if substeps is None else jitter_in_steps(met.jitter, substeps),
     }
+
+
+def jitter_in_steps(jitter: float, substeps: int) -> float:
+    """How much shorter or longer a period of so many physics steps may be, in whole ones, as a share."""
+    shortest = max(1, math.floor(substeps * (1.0 - jitter) + 0.5))
+    return max(math.floor(substeps * (1.0 + jitter) + 0.5) - substeps, substeps - shortest) / substeps

@@ -113,7 +113,12 @@ def lead(flight: Flight, params: QuadrotorParams, dt: float) -> float:
 
 
 def snap_error(
-    flight: Flight, params: QuadrotorParams, dt: float, period: float, inertia: float = 0.0
+    flight: Flight,
+    params: QuadrotorParams,
+    dt: float,
+    period: float,
+    inertia: float = 0.0,
+    lag: float = 0.0,
 ) -> float:
     """d̄, m/s⁴; infinite where the wrench of a step is no bound for the snap, or the yaw range is not kept.
 
@@ -126,6 +131,7 @@ def snap_error(
         dt: δ, a physics step, s.
         period: Δ, of control, s.
         inertia: ι.
+        lag: how far the rotors' lag may be off the one that the inner loop is told, s: times κ it disturbs.
     """
     flight = Flight(flight.snap, BEYOND * flight.jerk, flight.thrust / BEYOND, flight.yaw)
     shape, wrong = shape_of(params), inertia / (1.0 - inertia)
@@ -136,12 +142,12 @@ def snap_error(
         more = wrong * torque
         # How far κ at the start of a step is off the one that its wrench is made with.
         off = L * (0.5 * K * dt + more) + shape.coupling * flight.jerk * yaw_error
-        needed = flight.snap + more + 0.5 * K * dt + off * dt + 0.5 * M * dt * dt
+        needed = flight.snap + more + lag * K + 0.5 * K * dt + off * dt + 0.5 * M * dt * dt
         if needed <= S:
             if not keeps_yaw(found, flight.yaw, dt, period, wrong):
                 break
             mean = more - wrong * flight.snap + (0.5 * off + M * dt / 6.0) * dt
-            return mean + K * dt * dt / (3.0 * period)
+            return mean + lag * K + K * dt * dt / (3.0 * period)
         S = needed * (1.0 + 1e-6)
         if 10.0 * flight.snap + 1e3 < S:
             break

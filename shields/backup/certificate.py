@@ -31,6 +31,7 @@ from shields.backup.stored_stop import (
     elapsed,
     feedback,
     periods_of,
+    segment_periods,
     tracking_snap,
     write_stop,
 )
@@ -88,7 +89,7 @@ def clear_length(x, start, frame, first, period, bodies, limits):
 def look_at_stored_stop(plan, period, bodies):
     """Whether the stored stop, from the start of its segment, keeps clear of the bodies of now."""
     x, frame, found = begin_of(plan), vector(plan["frame"]), CLEAR
-    start, h = -elapsed(plan, period), plan["periods"] * period
+    start, h = -elapsed(plan, period), segment_periods(plan, period) * period
     for _ in range(int(plan["segments_left"])):
         snap = dead_beat_snap(x, frame, h)
         found = max(found, look_at_arc(x, snap, start, h, bodies, ANY_THRUST))

@@ -17,14 +17,14 @@ SEGMENTS = 3
 # Segment lengths h that are tried, s. The stop lasts 3h; a fast vehicle needs the long ones.
 LENGTHS = tuple(0.1 * 1.25**k for k in range(13))
 NOTHING = (0.0, 0.0, 0.0)
+# Of a period: what is less has been flown, but for rounding.
+ALMOST = 1e-4
 
 # The stored stop of one vehicle; behind a lag it is the lead's, and the vehicle is kept too.
 FIELDS = [
     ("begin", "f8", (4, 3)),  # flat state at the start of the segment that is flown, SI
-    ("snap", "f8", (3,)),  # held in it, m/s⁴
     ("frame", "f8", (3,)),  # w, the velocity with which it ends, m/s
-    ("periods", "i8"),  # of a segment
-    ("periods_left", "i8"),  # of the segment that is flown
+    ("periods_left", "f4"),  # of the segment that is flown; whole where periods last as long as they should
     ("segments_left", "i1"),
     ("choice", "i1"),  # number of the segment length in LENGTHS
     ("is_stored", "?"),
@@ -88,7 +88,6 @@ def write_stop(plan, x, frame, choice, period):
     """Store the stop that begins at x."""
     plan["is_stored"] = True
     plan["choice"] = choice
-    plan["periods"] = periods_of(choice, period)
     plan["segments_left"] = SEGMENTS
     write3(plan["frame"], frame)
     begin_segment(plan, x, period)
@@ -97,38 +96,77 @@ def write_stop(plan, x, frame, choice, period):
 @kernel
 def begin_segment(plan, x, period):
     """Start the next segment of the stored stop at x; after the last one the vehicle rests in the frame."""
-    frame = vector(plan["frame"])
     if plan["segments_left"] > 0:
         write_flat(plan["begin"], x)
-        write3(plan["snap"], dead_beat_snap(x, frame, plan["periods"] * period))
     else:
-        plan["periods"] = 1
-        write_flat(plan["begin"], Flat(x.r, frame, NOTHING, NOTHING))
-        write3(plan["snap"], NOTHING)
+        write_flat(plan["begin"], Flat(x.r, vector(plan["frame"]), NOTHING, NOTHING))
     store_behind(behind_of(x), plan)
-    plan["periods_left"] = plan["periods"]
+    plan["periods_left"] = segment_periods(plan, period)
+
+
+@inline_kernel
+def segment_periods(plan, period):
+    """Whole control periods in the segment that is flown; at rest each is a segment of its own."""
+    return periods_of(int(plan["choice"]), period) if plan["segments_left"] > 0 else 1
+
+
+@kernel
+def held_snap(plan, period):
+    """The snap that is held in the segment that is flown, m/s⁴."""
+    if plan["segments_left"] == 0:
+        return NOTHING
+    h = segment_periods(plan, period) * period
+    return dead_beat_snap(flat_of(plan["begin"]), vector(plan["frame"]), h)
 
 
 @inline_kernel
 def elapsed(plan, period):
     """For how long the present segment has been flown."""
-    return (plan["periods"] - plan["periods_left"]) * period
+    return (segment_periods(plan, period) - plan["periods_left"]) * period
 
 
 @kernel
 def reference(plan, period):
     """Where the stored stop has the vehicle now."""
-    return flown(flat_of(plan["begin"]), vector(plan["snap"]), elapsed(plan, period))
+    return flown(flat_of(plan["begin"]), held_snap(plan, period), elapsed(plan, period))
+
+
+@kernel
+def next_segment(plan, period):
+    """Go on from the end of the segment that is flown."""
+    x = flown(begin_of(plan), held_snap(plan, period), segment_periods(plan, period) * period)
+    plan["segments_left"] = max(0, plan["segments_left"] - 1)
+    begin_segment(plan, x, period)
+
+
+@kernel
+def shift_stop(plan, period, count):
+    """Move the stored stop on by so many periods, or back within its segment."""
+    plan["periods_left"] -= count
+    while plan["periods_left"] <= ALMOST:
+        left = plan["periods_left"] if plan["periods_left"] < -ALMOST else 0.0
+        next_segment(plan, period)
+        plan["periods_left"] += left
 
 
 @kernel
 def advance_stop(plan, period):
     """Move the stored stop on by one period."""
-    plan["periods_left"] -= 1
-    if plan["periods_left"] == 0:
-        x = flown(begin_of(plan), vector(plan["snap"]), elapsed(plan, period))
-        plan["segments_left"] = max(0, plan["segments_left"] - 1)
-        begin_segment(plan, x, period)
+    shift_stop(plan, period, 1.0)
+
+
+@kernel
+def mean_snap(plan, period):
+    """The snap of the stored stop, in the mean of the next period if its segment ends within that."""
+    held, share = held_snap(plan, period), plan["periods_left"]
+    if share >= 1.0 - ALMOST:
+        return held
+    end = flown(flat_of(plan["begin"]), held, segment_periods(plan, period) * period)
+    after = NOTHING
+    if plan["segments_left"] > 1:
+        h = segment_periods(plan, period) * period
+        after = dead_beat_snap(end, vector(plan["frame"]), h)
+    return combined(scale(1.0 - share, after), share, held)
 
 
 @kernel
@@ -143,4 +181,4 @@ def feedback(plan, x, period, gains):
 @kernel
 def tracking_snap(plan, x, period, gains, snap_max):
     """Snap of the stored stop with its feedback, cut off at the largest that is flown."""
-    return within_ball(combined(vector(plan["snap"]), 1.0, feedback(plan, x, period, gains)), snap_max)
+    return within_ball(combined(mean_snap(plan, period), 1.0, feedback(plan, x, period, gains)), snap_max)

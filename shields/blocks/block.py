@@ -13,12 +13,11 @@ what was found for single spheres, and for the stop.
 | 16        | 1 while the row is calm, else 0                                                  |
 | 17        | least set value so far                                                           |
 | 18:30     | flat state after the period                                                      |
-| 30:33     | first snap of the stop                                                           |
-| 33:41     | the first lines of the sphere that is looked at                                  |
-| 41        | 1 where the line of sight to it is cut                                           |
-| 42:48     | the last lines of it                                                             |
-| 48        | 1 where the stop is sure to keep every limit                                     |
-| 49 + 10k  | of sphere k: centre, radius (0: absent), last direction, and 1 if it is at rest; |
+| 30:38     | the first lines of the sphere that is looked at                                  |
+| 38        | 1 where the line of sight to it is cut                                           |
+| 39:45     | the last lines of it                                                             |
+| 45        | 1 where the stop is sure to keep every limit                                     |
+| 46 + 10k  | of sphere k: centre, radius (0: absent), last direction, and 1 if it is at rest; |
 |           | in place of the last four when it was looked at: direction, ``n·u`` along it, 1  |
 |           | where the snap is admitted, set value                                            |
 
@@ -35,19 +34,7 @@ from shields.chains.flat_state import Flat
 from shields.interface.row_checks import is_finite
 
 NO_SNAP = (math.nan, math.nan, math.nan)
-SNAP, LENGTH, CALM, VALUE, AFTER, STOP, SEEN, CUT, FOUND, STOPS, SPHERES = (
-    12,
-    15,
-    16,
-    17,
-    18,
-    30,
-    33,
-    41,
-    42,
-    48,
-    49,
-)
+SNAP, LENGTH, CALM, VALUE, AFTER, SEEN, CUT, FOUND, STOPS, SPHERES = 12, 15, 16, 17, 18, 30, 38, 39, 45, 46
 PER_SPHERE, FIRST, LAST = 10, 8, 6
 # Among the lines that were found of a sphere, after its direction.
 ALONG, ADMITTED, SET_VALUE = 3, 4, 5

@@ -3,7 +3,7 @@
 import math
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, store_triple, wide_vectors
+from quadsafe_core.kernels.lanes import LANES, I, U, lane_triple, wide_vectors
 from quadsafe_core.kernels.vec3 import add, dot, norm, subtract, write3
 from shields.backup.arcs import nearest_on_chord
 from shields.backup.stop_hull import (
@@ -17,14 +17,13 @@ from shields.backup.stop_hull import (
     scaled,
     weighted,
 )
-from shields.backup.stored_stop import NOTHING, dead_beat_snap, periods_of
+from shields.backup.stored_stop import NOTHING, periods_of
 from shields.blocks.block import (
     AFTER,
     CALM,
     LENGTH,
     SEEN,
     SNAP,
-    STOP,
     STOPS,
     VALUE,
     copy_lines,
@@ -70,7 +69,6 @@ def look_at_stops(block, count, spheres, settings):
         does = does & keeps_snap_and_jerk(after, stop, limits) & keeps_thrust(attempt, stop, limits.band)
         block[i + U(LANES * STOPS)] = block[i + U(LANES * STOPS)] if does else 0.0
         store_lane_flat(block, i + U(LANES * AFTER), after)
-        store_triple(block, i + U(LANES * STOP), dead_beat_snap(after, NOTHING, h))
     for k in range(U(spheres)):
         copy_lines(block, sphere_at(k), U(LANES * SEEN), I(4))
         for i in range(U(count)):
@@ -98,11 +96,9 @@ def look_at_block(block, count, spheres, settings):
 def store_stop(i, block, plan, period):
     """``write_stop`` of lane i."""
     plan["is_stored"], plan["segments_left"] = True, SEGMENTS
-    periods = periods_of(int(plan["choice"]), period)
-    plan["periods"], plan["periods_left"] = periods, periods
+    plan["periods_left"] = periods_of(int(plan["choice"]), period)
     write3(plan["frame"], NOTHING)
     write_flat(plan["begin"], lane_flat(block, i + LANES * AFTER))
-    write3(plan["snap"], lane_triple(block, i + LANES * STOP))
 
 
 @kernel

@@ -11,11 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 from quadsafe_core.checks import finite_array, positive_number, real_array, shaped_array
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import CORE, are_within
-from shields.interface.row_checks import BAD_MEASUREMENT, CROWDED, MOVING, NO_SPHERES, TOO_FAR, TOO_LARGE
+from shields.interface.row_checks import (
+    BAD_MEASUREMENT,
+    CROWDED,
+    MOVING,
+    NO_SPHERES,
+    TOO_FAR,
+    TOO_LARGE,
+    UNTIMED,
+)
 
 # A stop is held in whole periods, of 0.1 to 1.46 s; in longer ones every stop is the same. In seconds, ten of
 # anything are surely milliseconds.
 LONGEST_PERIOD = 1.0  # s
+# Of the longest stop there are fewer periods than an ``i4`` counts.
+SHORTEST_PERIOD = 1e-9  # s
 # The keys of a snapshot of ``Shield``.
 SNAPSHOT = {"memory", "size", "period", "is_single"}
 OWN_AXES = MappingProxyType({"flat": (4, 3), "center": ("K", 3), "radius": ("K",), "snap": (3,)})
@@ -97,6 +107,10 @@ def measurement_error(code: int, flat, center, radius, velocity) -> ValueError:
         return ValueError(
             "obstacles must be spheres with method 'cbf', got other shapes; these need method 'sampled'"
         )
+    if code == UNTIMED:
+        return ValueError(
+            "held_for must be called before filter where uncertainty.jitter is declared, got no call"
+        )
     if code == CROWDED:
         most = np.count_nonzero(radius, axis=-1).max()
         return ValueError(
@@ -131,9 +145,19 @@ def velocity_rows(velocity: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.flo
     return as_array(shaped_array("velocity", velocity)).reshape(shape)
 
 
+def positive_rows(name: str, value: ArrayLike, shape: tuple[int]) -> NDArray[np.float64]:
+    """Numbers > 0, (N,), or one for all."""
+    rows = finite_array(name, value)
+    if rows.shape not in ((), shape) or not (rows > 0.0).all():
+        raise ValueError(f"{name} must be numbers > 0 of shape {shape}, or one number, got {value!r}")
+    return np.broadcast_to(rows, shape)
+
+
 def control_period(value: float) -> float:
-    """``value`` as a control period, s: above 0, and at most 1."""
+    """``value`` as a control period, s: a nanosecond at least, and at most 1."""
     period = positive_number("period", value)
+    if period < SHORTEST_PERIOD:
+        raise ValueError(f"period must be at least {SHORTEST_PERIOD:g} s, got {value!r}")
     if period > LONGEST_PERIOD:
         raise ValueError(f"period must be in seconds and at most {LONGEST_PERIOD:g}, got {value!r}")
     return period

@@ -18,7 +18,7 @@ from shields.interface.records import Answers
 # Pole of the braking feedback on (v, a, j), 1/s.
 BRAKING_POLE = 3.0
 # What a method says of the rows that it was given.
-DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED, NO_SPHERES = range(7)
+DONE, BAD_SHAPES, BAD_MEASUREMENT, TOO_LARGE, MOVING, CROWDED, NO_SPHERES, UNTIMED = range(8)
 # Measurements from here on are too large: the square of a length has to fit into float64.
 TOO_FAR = 1e100
 # Set values within rounding of 0 count as 0.

@@ -53,6 +53,7 @@ SETTINGS = np.dtype(
         ("authority", "f8", (5,)),  # the fields of ``Authority``
         ("tube", "f8", (2,)),  # the fields of ``Width``, m
         ("lag", "f8"),  # between snap and vehicle, s
+        ("jitter", "f8"),  # of the period
     ],
     align=True,
 )
@@ -142,6 +143,7 @@ class TubeMemory(NamedTuple):
     | radii    | (N, K)    | radii with the tube, m                                                   |
     | before   | (M,)      | the stops before the last answers                                        |
     | pending  | (N, d, 3) | the answers that are on their way, m/s⁴                                  |
+    | late     | (M,)      | by how many periods the last answers were held too long; NaN: it is not told |
     | chains   | (M,)      | how many of the last answers were certified, without a break             |
     | behind   | (L, 3, 3) | r, a, j of the vehicles, of which ``flats`` are the leads, SI            |
     | carried  | (L,)      | ``CARRIED``                                                              |
@@ -152,6 +154,7 @@ class TubeMemory(NamedTuple):
     radii: NDArray[np.float64]
     before: NDArray[np.void]
     pending: NDArray[np.float64]
+    late: NDArray[np.float64]
     chains: NDArray[np.float64]
     behind: NDArray[np.float64]
     carried: NDArray[np.void]
@@ -183,16 +186,17 @@ def sampled_memory(memory, n, k, stops):
 def tube_memory(memory, n, k, ahead, stops):
     """The parts of the bytes behind a ``SampledMemory``; ``ahead``: the delay, and whether to look ahead."""
     delay, looks_ahead = ahead
-    m, late = n if looks_ahead else 0, n if stops.itemsize > PLAN_SIZE else 0
+    m, lagged = n if looks_ahead else 0, n if stops.itemsize > PLAN_SIZE else 0
     flats, memory = taken(memory, FLOATS, (m, 4, 3))
     centers, memory = taken(memory, FLOATS, (m, k, 3))
     radii, memory = taken(memory, FLOATS, (n, k))
     before, memory = taken(memory, stops, (m,))
     pending, memory = taken(memory, FLOATS, (n, delay, 3))
+    late, memory = taken(memory, FLOATS, (m,))
     chains, memory = taken(memory, FLOATS, (m,))
-    behind, memory = taken(memory, FLOATS, (late, 3, 3))
-    carried, memory = taken(memory, CARRIED_ROWS, (late,))
-    return TubeMemory(flats, centers, radii, before, pending, chains, behind, carried)
+    behind, memory = taken(memory, FLOATS, (lagged, 3, 3))
+    carried, memory = taken(memory, CARRIED_ROWS, (lagged,))
+    return TubeMemory(flats, centers, radii, before, pending, late, chains, behind, carried)
 
 
 def recall(memory: NDArray[np.uint8], found: NDArray[np.uint8]) -> None:
@@ -248,10 +252,10 @@ def sampled_size(n: int, k: int, stop: int = PLAN_SIZE) -> int:
 
 def tube_size(n: int, k: int, delay: int, looks_ahead: bool, stop: int = PLAN_SIZE) -> int:
     """Bytes of a ``TubeMemory``."""
-    flat, center, radius, answer, chain, behind = 12, 3, 1, 3, 1, 9
-    ahead = stop + (flat + k * center + chain) * FLOATS.itemsize if looks_ahead else 0
-    late = CARRIED.itemsize + behind * FLOATS.itemsize if stop > PLAN_SIZE else 0
-    return n * (ahead + late + (k * radius + delay * answer) * FLOATS.itemsize)
+    flat, center, radius, answer, late, chain, behind = 12, 3, 1, 3, 1, 1, 9
+    ahead = stop + (flat + k * center + late + chain) * FLOATS.itemsize if looks_ahead else 0
+    lagged = CARRIED.itemsize + behind * FLOATS.itemsize if stop > PLAN_SIZE else 0
+    return n * (ahead + lagged + (k * radius + delay * answer) * FLOATS.itemsize)
 
 
 def empty_memory(n: int, k: int, size: int, delay: int = 0, looks_ahead: bool = False) -> NDArray[np.uint8]:
@@ -284,7 +288,7 @@ def kind_of(settings: Mapping[str, Any], bounds: FlightBounds, has_tube: bool, s
 
     Behind a lag rows are done one by one, with a look at every body.
     """
-    lag = 1 if has_tube and settings["uncertainty"]["rotor_lag"] > 0.0 else None
+    lag = 1 if has_tube and settings["uncertainty"]["rotor_lag"] != 0.0 else None
     closes = None if max(closing_bounds(settings)) == -math.inf else 1
     authority = None if bounds.authority is None else 1
     free = 1 if closes is None and authority is None and lag is None else None

@@ -13,6 +13,7 @@ from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, triple, vector, write3
 from shields.backup.arcs import CLEAR, HIT, look_at_arc
 from shields.backup.certificate import ANY_THRUST
+from shields.backup.stored_stop import shift_stop
 from shields.chains.flat_state import behind_of, flown, lead, write_flat
 from shields.interface.bodies import bodies_of_row, is_there
 from shields.interface.records import BehindRows, MovingBodies
@@ -90,6 +91,8 @@ def look_ahead(measured, delay, lag, held, tubes):
     """Put down every row, or its lead, as it will be when the answer is flown, and its stop before that."""
     center, velocity, period = measured.bodies.center, measured.bodies.velocity, held.settings[0]["period"]
     for i in range(measured.flat.shape[0]):
+        if tubes.late[i] != 0.0:
+            shift_stop(held.rows.plans[i], period, tubes.late[i])
         carry(lag, i, tubes.carried)
         x = predicted(front_of_row(i, measured, lag, tubes.carried), tubes.pending[i], period)
         write_flat(tubes.flats[i], x)

@@ -1,7 +1,7 @@
 """The sampled shield under declared errors: every path of the vehicle lies in a tube around its stored stop.
 
 The shield works on the state predicted through the answers that are still on their way, with keep-out radii
-larger by T_r, and stops that leave the feedback its share of the limits (``shields.settings.uncertainty``). So
+larger by T_r, and stops that leave the feedback its share of the limits (``shields.settings.tube``). So
 the sampled shield's proof holds for the stop, and the vehicle is in the tube around it.
 """
 
@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.authority import Authority
 from quadsafe_core.kernels.borrow import borrowed, one_row, taken
 from quadsafe_core.kernels.choice import entry_at, only_if
 from quadsafe_core.kernels.jit import inline_kernel, kernel
@@ -26,8 +25,16 @@ from shields.interface.bodies import (
     unpacked,
 )
 from shields.interface.records import Bodies, Measured
-from shields.interface.row_checks import BAD_SHAPES, DONE, answers_in, braking, checked_rows, flat_of_row
-from shields.methods.flight_bounds import FlightBounds, bounds_of
+from shields.interface.row_checks import (
+    BAD_SHAPES,
+    DONE,
+    UNTIMED,
+    answers_in,
+    braking,
+    checked_rows,
+    flat_of_row,
+)
+from shields.methods.flight_bounds import bounds_in_tube, bounds_under
 from shields.methods.memory import (
     CARRIED,
     HALF_SPACE,
@@ -58,7 +65,8 @@ from shields.methods.on_the_way import (
     send,
 )
 from shields.methods.sampled_row import sampled_rows
-from shields.settings.uncertainty import Tube, checked_uncertainty, tightened, tube_of
+from shields.settings.tube import tube_of
+from shields.settings.uncertainty import checked_uncertainty, lag_told
 
 
 @kernel
@@ -107,6 +115,15 @@ def withdraw(i, fact, is_here, chains):
 
 
 @kernel
+def is_untimed(late):
+    """Whether of some row it was not told for how long the last answer was held."""
+    for i in range(late.shape[0]):
+        if math.isnan(late[i]):
+            return True
+    return False
+
+
+@kernel
 def tube_batch(flat, center, radius, snap, memory, kind, out):
     """Rows of ``sampled_row`` on what will be when the answer is flown; the first code that is not ``DONE``.
 
@@ -120,6 +137,8 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     delay, looks_ahead = held.settings[0]["delay"], held.settings[0]["looks_ahead"] > 0
     tubes, lag = tube_memory(rest, n, k, (delay, looks_ahead), stops), only_if(kind[5], held.settings[0]["lag"])
     settings, answers = settings_of(held.settings[0], kind), answers_in(out, n)
+    if is_untimed(tubes.late):
+        return UNTIMED
     bodies = Bodies(borrowed(center), held.velocities, borrowed(radius), unpacked(cores, n, k))
     measured = Measured(borrowed(flat), bodies, borrowed(snap), None)
     code = checked_rows(measured, n, k)
@@ -139,6 +158,9 @@ def tube_batch(flat, center, radius, snap, memory, kind, out):
     code = sampled_rows(cores, kind[3], kind[4], ahead, held.rows, settings, answers)
     if code == DONE:
         close_rows(measured, answers, tubes, settings, lag)
+        if held.settings[0]["jitter"] > 0.0:
+            # For how long this answer is held has to be told.
+            tubes.late[:] = math.nan
     return code
 
 
@@ -186,10 +208,10 @@ class TubeMethod:
     def __init__(self, settings: Mapping[str, Any]):
         uncertainty = checked_uncertainty(settings["uncertainty"])
         assert uncertainty is not None
-        self._settings, self._uncertainty = settings, uncertainty
+        self._settings, self._uncertainty, lag = settings, uncertainty, lag_told(uncertainty).told
         # The delay, and whether answers may be on their way, or lost.
-        self._mark = 1 if uncertainty.rotor_lag > 0.0 else None
-        is_late = uncertainty.delay > 0 or uncertainty.losses or uncertainty.rotor_lag > 0.0
+        self._mark = 1 if lag > 0.0 else None
+        is_late = uncertainty.delay > 0 or uncertainty.losses or lag > 0.0 or uncertainty.jitter > 0.0
         self._ahead, self._stops = (uncertainty.delay, is_late), stops_of(self._mark)
 
     def allocate(self, rows: int, obstacles: int) -> None:
@@ -215,7 +237,7 @@ class TubeMethod:
         held.rows.plans[mask] = nothing
         tubes.pending[mask] = 0.0
         if self._ahead[1]:
-            tubes.before[mask], tubes.chains[mask] = nothing, 0.0
+            tubes.before[mask], tubes.chains[mask], tubes.late[mask] = nothing, 0.0, 0.0
         if self._mark:
             tubes.carried[mask] = np.zeros((), dtype=CARRIED)
 
@@ -231,6 +253,13 @@ class TubeMethod:
                 carried["flown"] = snaps
             tubes.carried[mask] = carried
 
+    def held_for(self, share: NDArray[np.float64] | float) -> None:
+        """The last answers were held for so many periods (N,)."""
+        tubes = self._parts()[1]
+        tubes.late[:] = share - 1.0
+        if self._mark:
+            tubes.carried["period"] *= share
+
     def move(self, velocity: NDArray[np.float64] | float) -> None:
         """Obstacles move at velocities (N, K, 3), m/s, or all at 0."""
         self._parts()[0].velocities[:] = velocity
@@ -244,17 +273,14 @@ class TubeMethod:
 
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        bounds = bounds_of(self._settings)
-        if self._uncertainty.gain > 0.0 and bounds.limits.snap_max == math.inf:
-            # A share of any snap whatever would be no bound.
-            most = bounds.input_max
-            bounds = bounds._replace(limits=bounds.limits._replace(snap_max=most))
+        bounds = bounds_under(self._uncertainty, self._settings)
         tube = tube_of(self._uncertainty, period, bounds.limits)
-        bounds, held = bounds_in_tube(tube, bounds), self._parts()[0]
+        bounds, held = bounds_in_tube(tube.deviation, tube.feedback, bounds), self._parts()[0]
         # A stop is stored in whole periods: of another length it would be another stop.
         held.rows.plans["is_stored"] = False
         write_settings(held.settings[0], self._settings, period, bounds, tube.gains)
-        held.settings[0]["lag"] = self._uncertainty.rotor_lag
+        held.settings[0]["lag"] = lag_told(self._uncertainty).told
+        held.settings[0]["jitter"] = self._uncertainty.jitter
         held.settings[0]["tube"] = tube.deviation[0], tube.deviation[0] + tube.error[0]
         kind = kind_of(self._settings, bounds, has_tube=True, size=self._size)
         return Kernels(tube_batch, tube_one, self.memory, tuple(kind))
@@ -264,13 +290,3 @@ class TubeMethod:
         out = np.zeros((mask.shape[0], 3))
         backup_batch(mask, self.memory, self._mark, out)
         return out
-
-
-def bounds_in_tube(tube: Tube, bounds: FlightBounds) -> FlightBounds:
-    """What half-spaces and stops count on, so that a vehicle in the tube keeps to the bounds."""
-    limits = tightened(bounds.limits, tube)
-    if bounds.authority is None:
-        return bounds._replace(limits=limits)
-    band = limits.band
-    authority = Authority(limits.stop_snap_max, limits.jerk_max, band.least, band.most, band.gravity)
-    return FlightBounds(authority.snap_max, bounds.input_max, limits, authority)

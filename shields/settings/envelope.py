@@ -19,18 +19,23 @@ from quadsafe_core.authority import checked_authority
 from quadsafe_core.flight_model import FlightModel
 from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.shield_settings import FREE_NUMBERS
-from shields.settings.uncertainty import (
+from shields.settings.tube import (
     MOST_TAKEN,
-    NONE,
     POLES,
     Tube,
-    Uncertainty,
     best_tube,
     check_period,
-    checked_uncertainty,
-    predicted_error,
     share_taken,
     tube_at,
+    wrong_in,
+)
+from shields.settings.uncertainty import (
+    NONE,
+    Uncertainty,
+    checked_uncertainty,
+    declared,
+    lag_told,
+    largest_part,
 )
 
 # Least thrust of a flight over hover, and how far above the thrust at which the plant crashes it is, as a share
@@ -98,10 +103,10 @@ def checked_plant_numbers(settings: Mapping[str, Any], model: FlightModel) -> di
 
 
 @cache
-def tubes(told: Uncertainty, period: float) -> tuple[Tube, ...]:
-    """The tubes of what was told, for every pole."""
-    error, added = predicted_error(told, check_period(period), 0.0)
-    return tuple(tube_at(pole, error, added, period, told.rotor_lag) for pole in POLES)
+def tubes(told: Uncertainty, period: float, snap_max: float) -> tuple[Tube, ...]:
+    """The tubes of what was told, for every pole, if no snap is longer than ``snap_max``, m/s⁴."""
+    wrong = wrong_in(told, check_period(period), snap_max)
+    return tuple(tube_at(pole, wrong, period) for pole in POLES)
 
 
 def _free_settings(settings: Mapping[str, Any], model: FlightModel, told) -> dict[str, Any]:
@@ -134,8 +139,23 @@ def _too_slow(
             break
     return ValueError(
         f"{name} must be such that the inner loop follows, with {wanted} at control_hz = {model.control_hz}, "
-        f"got {given or 'none given'} at physics_hz = {model.physics_hz}{_declared(told)}; {WAYS_OUT}"
+        f"got {given or 'none given'} at physics_hz = {model.physics_hz}{_told(told, tried, model)}; {WAYS_OUT}"
     )
+
+
+def _told(told: Uncertainty, tried: list[FlightLimits], model: FlightModel) -> str:
+    """What was told, and how much of it would do."""
+    if told == NONE:
+        return ""
+    period, errors = (
+        1.0 / model.control_hz,
+        [(_error(limits, model, model.physics_hz), limits) for limits in tried],
+    )
+
+    def fits(part: Uncertainty) -> bool:
+        return any(_fits(error, limits, part, period, MOST_TAKEN) for error, limits in errors)
+
+    return f" with {declared(told)}; {largest_part(told, fits)}"
 
 
 def _scaled(given: Mapping[str, Any], model: FlightModel) -> Iterator[dict[str, Any]]:
@@ -164,7 +184,7 @@ def _limits(numbers: Mapping[str, float]) -> FlightLimits:
 
 
 def _wider(base: Tube, unit: Tube, snap: float) -> Tube:
-    """A tube in which the snap may be off by more: all of it is linear in what is wrong."""
+    """A tube with so many times another: all of it is linear in what is wrong."""
     return Tube(
         base.deviation + snap * unit.deviation,
         base.feedback + snap * unit.feedback,
@@ -177,13 +197,19 @@ def _fits(error: float, limits: FlightLimits, told: Uncertainty, period: float, 
     """Whether the inner loop's error alone, and all errors together, leave enough of limits and room."""
     if not error < math.inf or not limits.band.least < limits.band.gravity:
         return False
-    unit = tubes(Uncertainty(snap=1.0, delay=told.delay, rotor_lag=told.rotor_lag), period)
-    base = tubes(told._replace(snap=0.0, gain=0.0), period)
+    clock = Uncertainty(delay=told.delay, rotor_lag=told.rotor_lag, jitter=told.jitter)
+    unit = tubes(clock._replace(snap=1.0), period, 0.0)
+    base = tubes(told._replace(snap=0.0, gain=0.0), period, 0.0)
+    each = tubes(clock, period, 1.0)
     alone = best_tube([_wider(NO_TUBE._replace(gains=tube.gains), tube, error) for tube in unit], limits)
     if alone is None or share_taken(alone, limits) > most or alone.deviation[0] > MOST_RADIUS:
         return False
+    longest = limits.snap_max if lag_told(told).spread > 0.0 or told.jitter > 0.0 else 0.0
     snap = max(error, told.snap) + told.gain * limits.snap_max
-    return best_tube([_wider(*pair, snap) for pair in zip(base, unit, strict=True)], limits) is not None
+    met = (
+        _wider(_wider(one, off, snap), jumps, longest) for one, off, jumps in zip(base, unit, each, strict=True)
+    )
+    return best_tube(list(met), limits) is not None
 
 
 def _with_error(told: Uncertainty, error: float) -> dict[str, Any]:
@@ -246,8 +272,3 @@ def _check_authority(whole, model: FlightModel) -> None:
         and whole.specific_thrust_max <= own.specific_thrust_max * (1 + 1e-9)
     ):
         raise ValueError(f"authority must be within the plant's {own}, got {whole}")
-
-
-def _declared(told: Uncertainty) -> str:
-    errors = {name: value for name, value in told._asdict().items() if value}
-    return f" with {errors}" if errors else ""

@@ -30,10 +30,11 @@ STEP = np.dtype(
         ("in_set", "?"),
         ("fallback", "?"),
         ("surprised", "?"),
+        ("is_known", "?"),  # whether there was a sample since the row was reset; this is not told
     ],
     align=True,
 )
-KEYS = tuple(STEP.names or ())
+KEYS = tuple(name for name in STEP.names or () if name != "is_known")
 # As what each is told: numbers that are counted as Python counts.
 TOLD = MappingProxyType({key: np.int64 if STEP[key].kind == "i" else STEP[key].base for key in KEYS})
 MASKS = tuple(f"_{key}" for key in KEYS)

@@ -2,11 +2,12 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from quadsafe_core.kernels.borrow import borrowed
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.maths.feedback import held_gains
 from quadsafe_core.shapes import Obstacles
@@ -14,52 +15,15 @@ from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
 from shields.slot.info import KEYS, MASKS, STEP, TOLD
-from shields.slot.surprise import SENTENCE, SHARED, WATCH, expectation_of, lag_of, watch_row
-
-Floats = NDArray[np.float64]
-
-
-class RecordedShield(Protocol):
-    """What is asked of the shield in the slot; ``Shield`` has the meaning of each."""
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Its keyword arguments."""
-        ...
-
-    @property
-    def delay(self) -> int:
-        """Periods for which an answer is on its way."""
-        ...
-
-    @property
-    def can_lose(self) -> bool:
-        """Whether ``backup`` may be asked."""
-        ...
-
-    def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
-        """Safe snaps of N rows."""
-        ...
-
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
-        """Forget rows, or everything."""
-        ...
-
-    def backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Snaps (N, 3) of rows whose answer was lost."""
-        ...
-
-    def override(self, mask: NDArray[np.bool_], snaps: NDArray[np.float64]) -> None:
-        """Rows fly these snaps (M, 3) in place of the last answer."""
-        ...
+from shields.slot.recorded import Floats, RecordedShield
+from shields.slot.surprise import SENTENCE, SHARED, expectation_of, jitter_of, lag_of, watch_row
 
 
 @kernel
 def open_batch(steps):
-    """Nothing flown yet, in rows (N,) ``STEP``."""
+    """Nothing flown yet, in rows (N,) ``STEP``; the snaps are those of the last period still."""
     for i in range(steps.shape[0]):
         step = steps[i]
-        step["snap_desired"][:], step["snap_applied"][:] = 0.0, 0.0
         step["correction"], step["value"], step["reserve"], step["obstacle"] = 0.0, np.inf, 0.0, -1
         step["interventions"], step["fallbacks"], step["refusals"] = 0, 0, 0
         step["stopped"], step["certified"], step["intervened"] = False, True, False
@@ -87,7 +51,7 @@ def count_row(i, desired, answers, step):
 
 
 @kernel
-def count_batch(flat, desired, answer, steps, watches, line, shared):
+def count_batch(flat, desired, answer, steps, last, line, shared):
     """Add one control period to every row; a row that was surprised, or −1.
 
     Args:
@@ -95,17 +59,18 @@ def count_batch(flat, desired, answer, steps, watches, line, shared):
         desired: (N, 3) desired snaps, m/s⁴.
         answer: the numbers of a ``Filtered``.
         steps: (N,) ``STEP``.
-        watches: (N,) ``WATCH``.
+        last: (N, 4, 3) flat states of the last sample, see ``watch_row``.
         line: answers that are on their way, see ``watch_row``.
-        shared: (1,) ``SHARED``.
+        shared: (1,) ``SHARED`` of all rows, or (N,).
     """
     if shared[0]["is_first"]:
         open_batch(steps)
     n, surprised = steps.shape[0], -1
-    answers = answers_in(answer, n)
+    answers, lasts, lines = answers_in(answer, n), borrowed(last), borrowed(line)
     for i in range(n):
+        is_off = watch_row(i, flat, steps[i], lasts, lines, shared[min(i, shared.shape[0] - 1)])
         count_row(i, desired, answers, steps[i])
-        if watch_row(i, flat, answers.safe, watches[i], line, shared[0]):
+        if is_off:
             steps[i]["surprised"], surprised = True, i
     return surprised
 
@@ -148,10 +113,12 @@ class Recorder:
         self._first, self._count = first, count
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
-        self._steps, self._watches = np.zeros(rows, dtype=STEP), np.zeros(rows, dtype=WATCH)
-        places = shield.delay + (2 if lag_of(shield.settings) > 0.0 else 1)
+        self._steps, self._last = np.zeros(rows, dtype=STEP), np.zeros((rows, 4, 3))
+        places = shield.delay + (1 if lag_of(shield.settings) > 0.0 else 0)
         self._line, self._was_surprised = np.zeros((rows, places, 3)), False
-        self._shared, self._period = np.zeros(1, dtype=SHARED), np.nan
+        self._jitter, self._is_begun, self._is_told = jitter_of(shield.settings), False, False
+        # Where periods differ each row has its own.
+        self._shared, self._period = np.zeros(rows if self._jitter > 0.0 else 1, dtype=SHARED), np.nan
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -159,31 +126,47 @@ class Recorder:
 
     def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
+        if self._jitter > 0.0 and not self._is_told:
+            # A plant that tells nothing holds every answer for the period, or surprises.
+            self._note_held(np.full(len(flat), period))
+        self._is_told = False
         try:
             answer = self.shield.filter(flat, obstacles, snap, period)
-            self._has_answered = True
+            self._has_answered = self._is_begun = True
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, obstacles, snap, period)
         if period != self._period:
-            self._shared["most"], self._shared["period"] = (
-                expectation_of(self.shield.settings, period),
-                period,
-            )
+            self._shared["most"] = expectation_of(self.shield.settings, period)
             self._period, self._shared["lag"] = period, lag_of(self.shield.settings)
+            self._shared["period"] = period
         self._shared["is_first"] = self._periods == 0
-        kept = self._steps, self._watches, self._line, self._shared
+        kept = self._steps, self._last, self._line, self._shared
         surprised = self._count(flat, snap, answer.numbers, *kept)
-        if surprised >= 0 and not self._was_surprised:
-            self._say_surprise(surprised)
+        if surprised >= 0:
+            shared = self._shared[min(surprised, len(self._shared) - 1)]
+            off, most = (np.array2string(shared[name], precision=3) for name in ("off", "most"))
+            self._say_surprise(SENTENCE.format(row=self._first + surprised, off=off, declared=most))
+        if self._jitter > 0.0:
+            self._look_at_clock(period)
         self._periods += 1
         return answer
 
-    def _say_surprise(self, row: int) -> None:
+    def _say_surprise(self, sentence: str) -> None:
+        if not self._was_surprised:
+            warnings.warn(sentence, RuntimeWarning, stacklevel=3)
         self._was_surprised = True
-        off, most = (np.array2string(self._shared[name][0], precision=3) for name in ("off", "most"))
-        warnings.warn(
-            SENTENCE.format(row=self._first + row, off=off, declared=most), RuntimeWarning, stacklevel=3
-        )
+
+    def _look_at_clock(self, period: float) -> None:
+        """Whether answers were held for as long as was declared."""
+        is_late = np.abs(self._shared["period"] - period) > self._jitter * period * (1.0 + 1e-9)
+        if is_late.any():
+            self._steps["surprised"] |= is_late
+            row = int(np.argmax(is_late))
+            lasted = self._shared["period"][row]
+            self._say_surprise(
+                f"row {self._first + row} held its answer for {lasted:g} s, which is beyond the declared "
+                f"{period:g} s times 1 ± {self._jitter:g}"
+            )
 
     def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
@@ -214,8 +197,9 @@ class Recorder:
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
-        self._is_named[rows], self._watches["is_known"][rows], self._line[rows] = False, False, 0.0
+        self._is_named[rows], self._steps["is_known"][rows], self._line[rows] = False, False, 0.0
         self.shield.reset(mask)
+        self._is_begun = self._is_begun and mask is not None
         if self._periods == 0:
             begun = np.zeros(len(self._steps), dtype=np.bool_) if self._begun is None else self._begun
             self._begun = begun | (True if mask is None else mask)
@@ -227,47 +211,52 @@ class Recorder:
     @property
     def done(self) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
         """Whether the snap was changed in this step, and for which sphere, −1 for none; (N,) each, fresh."""
-        self._open_where_nothing_flew()
-        return self._steps["intervened"].copy(), self._steps["obstacle"].astype(TOLD["obstacle"])
+        steps = self.steps()
+        return steps["intervened"].copy(), steps["obstacle"].astype(TOLD["obstacle"])
 
     @property
     def backup(self) -> Callable[[NDArray[np.bool_]], NDArray[np.float64]] | None:
         """What a plant calls for rows whose answer was lost; None for a shield that does not count on it."""
         return self._fly_backup if self.shield.can_lose else None
 
+    @property
+    def held_for(self) -> Callable[[NDArray[np.float64]], None] | None:
+        """What a plant tells for how long it held the last answers, s; None if the shield is not to know."""
+        return self._note_held if self._jitter > 0.0 else None
+
+    def _note_held(self, seconds: NDArray[np.float64]) -> None:
+        self._is_told = True
+        if self._is_begun:
+            self._shared["period"] = seconds
+            self.shield.held_for(seconds)
+
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
         instead = self.shield.backup(mask)
         self._steps["snap_applied"][mask] = instead[mask]
-        self._line[mask, -1] = instead[mask]
         self._steps["stopped"] |= mask
         return instead
 
     def intervened_share(self) -> NDArray[np.float64]:
         """Share of this step's control periods with an intervention, (N,)."""
-        self._open_where_nothing_flew()
-        return self._steps["interventions"] / max(self._periods, 1)
+        return self.steps()["interventions"] / max(self._periods, 1)
 
     def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
         return summary_of(self.steps(), mask)
 
     def steps(self) -> NDArray[np.void]:
-        """What was done to every row, (N,) ``STEP``, as it is."""
-        self._open_where_nothing_flew()
-        return self._steps
+        """What was done to every row, (N,) ``STEP``, not to be written; nothing where nothing flew."""
+        if self._periods > 0 and self._begun is None:
+            return self._steps
+        told = np.zeros_like(self._steps)
+        open_batch(told)
+        flew = np.zeros(len(told), dtype=np.bool_) if self._periods == 0 else ~self.begun()
+        told[flew] = self._steps[flew]
+        return told
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""
-        self._open_where_nothing_flew()
-        return dict(zip(KEYS, self._steps.copy()[0].item(), strict=True))
-
-    def _open_where_nothing_flew(self) -> None:
-        if self._periods == 0:
-            open_batch(self._steps)
-        elif self._begun is not None:
-            opened = np.empty_like(self._steps)
-            open_batch(opened)
-            self._steps[self._begun] = opened[self._begun]
+        return dict(zip(KEYS, self.steps().copy()[0].item()[:-1], strict=True))
 
 
 def summary_of(steps: NDArray[np.void], mask: NDArray[np.bool_]) -> dict[str, NDArray]:

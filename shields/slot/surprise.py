@@ -1,7 +1,7 @@
 """Whether the state that came is the one that was to be expected, within the errors that were declared.
 
 From the state x̂ of the last sample, and the snap that was flown since, the chain predicts the next one. With
-errors E of the estimate and D of a period (``shields.settings.uncertainty``) the state that comes is off that
+errors E of the estimate and D of a period (``shields.settings.tube``) the state that comes is off that
 by at most
 
     E + A E + D        entry by entry, A the chain over a period
@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, triple, vector, write3
 from quadsafe_core.maths.lag import lag_shares
-from shields.chains.flat_state import Flat, flown
+from shields.backup.stored_stop import NOTHING
+from shields.chains.flat_state import Flat, flown, write_flat
 from shields.interface.row_checks import flat_of_row
 from shields.methods.flight_bounds import bounds_of
-from shields.settings.uncertainty import Uncertainty, chain_over, checked_uncertainty, predicted_error
+from shields.settings.chain import added_over, chain_over
+from shields.settings.tube import wrong_in
+from shields.settings.uncertainty import Uncertainty, checked_uncertainty, lag_told
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).
 MEASURED_SNAP = 15.0
@@ -32,20 +35,12 @@ SENTENCE = (
     "the state that came is not the one predicted from the last: row {row} is off by {off} in r, v, a and j, "
     "beyond the declared {declared}; what flies it is not what the shield was told"
 )
-# What is remembered of a row to compare with what comes.
-WATCH = np.dtype(
-    [
-        ("last", "f8", (4, 3)),  # flat state of the last sample, SI
-        ("is_known", "?"),  # whether there was one since the row was reset
-    ],
-    align=True,
-)
 # What is the same of all rows in a control period.
 SHARED = np.dtype(
     [
         ("most", "f8", (4,)),  # how far a sample may be off in r, v, a, j, SI
         ("off", "f8", (4,)),  # how far the row was that was surprised last, SI
-        ("period", "f8"),  # s
+        ("period", "f8"),  # for which the last answer was held, s
         ("lag", "f8"),  # s
         ("is_first", "?"),  # whether a policy step begins
     ],
@@ -54,52 +49,49 @@ SHARED = np.dtype(
 
 
 @kernel
-def mean_snap(k, snap, lagged, shared):
-    """What takes the place of a held snap in the k-fold integral behind a lag: (L1)."""
-    old, new = lag_shares(k, shared["period"], shared["lag"])
+def mean_snap(k, snap, lagged, times):
+    """What takes the place of a held snap in the k-fold integral behind a lag: (L1); ``times``: period, lag."""
+    old, new = lag_shares(k, times[0], times[1])
     return combined(scale(new, snap), old, lagged)
 
 
 @kernel
-def expected(x, snap, lagged, shared):
+def expected(x, snap, lagged, times):
     """The flat state a period later, behind the lag that was told, from the snap ``lagged`` on."""
-    period = shared["period"]
-    if not shared["lag"] > 0.0:
+    period, lag = times
+    if not lag > 0.0:
         return flown(x, snap, period)
     # Every order has a mean of its own.
     return Flat(
-        flown(x, mean_snap(4, snap, lagged, shared), period).r,
-        flown(x, mean_snap(3, snap, lagged, shared), period).v,
-        flown(x, mean_snap(2, snap, lagged, shared), period).a,
-        flown(x, mean_snap(1, snap, lagged, shared), period).j,
+        flown(x, mean_snap(4, snap, lagged, times), period).r,
+        flown(x, mean_snap(3, snap, lagged, times), period).v,
+        flown(x, mean_snap(2, snap, lagged, times), period).a,
+        flown(x, mean_snap(1, snap, lagged, times), period).j,
     )
 
 
 @inline_kernel
-def watch_row(i, flat, answer, watch, line, shared):
+def watch_row(i, flat, step, last, line, shared):
     """Compare row i with its prediction, remember it; whether it was off by more than it may be.
 
     Args:
         i: the row.
         flat: (N, 4, 3) flat states that came, SI.
-        answer: (N, 3) snaps, m/s⁴, that are sent on their way.
-        watch: ``WATCH`` of the row.
-        line: (N, d + 1, 3) the answers that are on their way, m/s⁴; the first is flown now. Behind a lag
-            (N, d + 2, 3): before them stands the snap that the row is at.
+        step: ``STEP`` of the row, with the answer to the last sample still.
+        last: (N, 4, 3) flat states of the last sample, SI.
+        line: (N, d, 3) the answers before it that are on their way, m/s⁴; the first is flown now. Behind a lag
+            (N, d + 1, 3): before them stands the snap that the row is at.
         shared: ``SHARED``.
     """
-    x, is_off = flat_of_row(i, flat), False
-    last, most, told = watch["last"], shared["most"], shared["off"]
-    first = 1 if shared["lag"] > 0.0 else 0
-    if watch["is_known"]:
-        was = Flat(
-            (last[0, 0], last[0, 1], last[0, 2]),
-            (last[1, 0], last[1, 1], last[1, 2]),
-            (last[2, 0], last[2, 1], last[2, 2]),
-            (last[3, 0], last[3, 1], last[3, 2]),
-        )
-        lagged, snap = triple(line, i, 0), triple(line, i, first)
-        p = expected(was, snap, lagged, shared)
+    x, was, is_off = flat_of_row(i, flat), flat_of_row(i, last), False
+    most, told = shared["most"], shared["off"]
+    first, places = 1 if shared["lag"] > 0.0 else 0, line.shape[1]
+    sent = vector(step["snap_applied"]) if step["is_known"] else NOTHING
+    if step["is_known"]:
+        snap = triple(line, i, first) if places > first else sent
+        lagged = triple(line, i, 0) if first > 0 else snap
+        times = (shared["period"], shared["lag"])
+        p = expected(was, snap, lagged, times)
         off = (
             norm(subtract(x.r, p.r)),
             norm(subtract(x.v, p.v)),
@@ -111,13 +103,13 @@ def watch_row(i, flat, answer, watch, line, shared):
         if is_off:
             told[0], told[1], told[2], told[3] = off
         if first > 0:
-            write3(line[i, 0], mean_snap(0, snap, lagged, shared))
-    for order in range(4):
-        last[order, 0], last[order, 1], last[order, 2] = x[order]
-    for place in range(first, line.shape[1] - 1):
+            write3(line[i, 0], mean_snap(0, snap, lagged, times))
+    write_flat(last[i], x)
+    step["is_known"] = True
+    for place in range(first, places - 1):
         write3(line[i, place], triple(line, i, place + 1))
-    write3(line[i, line.shape[1] - 1], vector(answer[i]))
-    watch["is_known"] = True
+    if places > first:
+        write3(line[i, places - 1], sent)
     return is_off
 
 
@@ -129,15 +121,24 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
         period: Δ, s.
         snap_max: longest snap that is flown, m/s⁴; a gain is a share of it.
     """
-    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0, rotor_lag=0.0)
-    error, added = predicted_error(told, period, snap_max)
-    return (error + chain_over(period)[0] @ error + added) * (1.0 + 1e-6)
+    told = Uncertainty(snap=MEASURED_SNAP) if declared is None else declared._replace(delay=0)
+    longest = period * (1.0 + told.jitter)
+    known, (step, _) = wrong_in(told._replace(rotor_lag=0.0), period, snap_max), chain_over(longest)
+    # The snap behind a lag in an interval is off by so much.
+    off = added_over(longest, wrong_in(told, period, snap_max).seldom.most, 0.0) + step @ known.seldom.push
+    return (known.error + step @ known.error + known.added + off) * (1.0 + 1e-6)
 
 
 def lag_of(settings: Mapping[str, Any]) -> float:
     """The lag that a shield of these settings was told, s."""
     declared = settings["uncertainty"]
-    return 0.0 if declared is None else declared["rotor_lag"]
+    return 0.0 if declared is None else lag_told(Uncertainty(**declared)).told
+
+
+def jitter_of(settings: Mapping[str, Any]) -> float:
+    """The share by which the period of a shield of these settings may be longer or shorter."""
+    declared = settings["uncertainty"]
+    return 0.0 if declared is None else declared["jitter"]
 
 
 def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:

@@ -60,3 +60,52 @@ def test_the_page_has_the_tables_of_the_data(bench, tmp_path):
     page.write_text(text, encoding="utf-8")
     report.write(bench.rows_of(bench.CSV), page, tmp_path / "robustness.png", bench.KINDS)
     assert page.read_text(encoding="utf-8") == text
+
+
+# Behind rotors that lag
+
+
+@pytest.fixture(scope="module")
+def lagged():
+    with script("benchmarks", "lagged_body") as module:
+        yield module
+
+
+def test_behind_rotors_that_lag_who_is_told_violates_nothing_and_who_is_not_does(lagged):
+    rows = lagged.rows_of(lagged.CSV)
+    told = [row for row in rows if row["arm"] == "both"]
+    assert {(row["bodies"], row["rotors"], row["level"]) for row in told if row["action"] == "velocity"} >= {
+        (bodies, rotors, f"{lag:g}")
+        for bodies in lagged.ENVS
+        for rotors in ("wrench", "uneven")
+        for lag in lagged.LAGS
+    }
+    for row in told:
+        assert int(row["steps"]) >= 1_000_000 and int(row["episodes"]) >= 2_000
+        assert int(row["violated_episodes"]) == 0, row["key"]
+        # Among shapes the search for the plane of a rest loses some behind longer leads: the page says so.
+        if row["bodies"] == "spheres" or float(row["level"]) <= 50.0:
+            assert int(row["uncertified_episodes"]) <= 0.001 * int(row["episodes"]), row["key"]
+    for arm in ("nothing", "declared"):
+        assert max(int(row["violated_episodes"]) for row in rows if row["arm"] == arm) > 0
+
+
+def test_the_page_has_the_tables_of_the_lagged_body(lagged, tmp_path):
+    from uncertain import lag_report
+
+    page = tmp_path / "robustness.md"
+    text = lagged.PAGE.read_text(encoding="utf-8")
+    page.write_text(text, encoding="utf-8")
+    lag_report.write(lagged.rows_of(lagged.CSV), page, tmp_path / "lag.png")
+    assert page.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.slow
+def test_a_short_run_behind_uneven_rotors_counts_what_happens(lagged):
+    told, untold = (
+        lagged.measured(lagged.Cell("velocity", "spheres", "uneven", arm, 100, 72.0), 24, 250)
+        for arm in ("both", "nothing")
+    )
+    assert (told["violated_episodes"], told["uncertified"], told["saturated_episodes"]) == (0, 0, 0)
+    assert told["episodes"] >= 24 and told["steps"] == 24 * 1000 and told["least_clearance"] > 0.0
+    assert untold["violated_episodes"] > 0 and untold["episodes"] > told["episodes"]

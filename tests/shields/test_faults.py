@@ -146,9 +146,7 @@ def test_a_measurement_beyond_float64_is_named(what, name):
 @pytest.mark.parametrize("period", [1e-320, 1e-120, 1e120, 1e300])
 @pytest.mark.parametrize("name", SHIELDS)
 def test_a_period_beyond_float64_is_named(name, period):
-    with pytest.raises(
-        ValueError, match=r"period must (have powers that float64|be from 0\.0001 to 1 s|be .* at most 1)"
-    ):
+    with pytest.raises(ValueError, match=r"period must be (at least 1e-09 s|from 0\.0001 to 1 s|.* at most 1)"):
         Shield(**SHIELDS[name]).filter(
             np.zeros((4, 3)), Obstacles.spheres(np.zeros((0, 3)), []), np.zeros(3), period
         )

@@ -12,7 +12,7 @@ import pytest
 from shields import VectorShieldWrapper
 
 # Of a row among one sphere, and what each further sphere adds.
-ROW, SPHERE = 1_024, 96
+ROW, SPHERE = 952, 96
 # Rows that are reset in a step, and the heads of arrays.
 SLACK = 4
 MANY = """

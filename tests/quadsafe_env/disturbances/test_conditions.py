@@ -388,6 +388,19 @@ def test_impulses_change_the_velocity_by_their_length_at_their_rate():
     assert abs(struck.mean() - p) < 4 * math.sqrt(p * (1 - p) / jumps.size)
 
 
+def test_after_an_impulse_there_is_none_for_as_long_as_its_gap():
+    met = {"impulse": 0.3, "impulse_rate": 5.0}
+    free, spaced = (
+        np.linalg.norm(accelerations(vector(60, {**met, **gap}), 60), axis=-1) * PERIOD > 0.2
+        for gap in ({}, {"impulse_gap": 0.25})
+    )
+    apart = np.concatenate([np.diff(np.flatnonzero(row)) for row in spaced.T])
+    assert apart.min() * PERIOD >= 0.25 - 1e-9 and apart.min() * PERIOD < 0.3
+    # The first one of a row is the same; without a gap they come closer.
+    assert (free.argmax(axis=0) == spaced.argmax(axis=0)).all()
+    assert min(np.diff(np.flatnonzero(row)).min() for row in free.T if row.sum() > 1) * PERIOD < 0.1
+
+
 # The model
 
 
@@ -606,6 +619,7 @@ def test_the_randomised_preset_flies():
         ({"loss": 1.1}, r"loss must be in \[0, 1\], got 1.1"),
         ({"jitter": 1.0}, r"jitter must be in \[0, 1\), got 1.0"),
         ({"mass_error": 1.0}, r"mass_error must be in \[0, 1\), got 1.0"),
+        ({"impulse_gap": 1.0}, "impulse_gap must be 0 without an impulse, got 1"),
         ({"impulse": 1.0}, "impulse and impulse_rate must both be 0 or both be > 0, got 1 and 0"),
     ],
 )

@@ -10,7 +10,14 @@ from gymnasium.envs.registration import EnvSpec
 
 import quadsafe_env  # noqa: F401
 from quadsafe_env.disturbances.rotor_lag import after_lag, lag_lead, lag_of_step
-from quadsafe_env.disturbances.rotor_thrusts import slow_rotors, thrust_after, thrust_rate
+from quadsafe_env.disturbances.rotor_thrusts import (
+    AT_ONCE,
+    IN_A_STEP,
+    command_of,
+    slow_rotors,
+    thrust_after,
+    thrust_rate,
+)
 from quadsafe_env.simulation.world import Passed
 from quadsafe_env.tasks.conditions import Conditions
 from quadsafe_env.vehicle.actions import INTERFACES
@@ -18,6 +25,7 @@ from quadsafe_env.vehicle.flatness import flat_from_state, snap_from_wrench_kern
 from quadsafe_env.vehicle.inner_loop import crackle, held_wrench, leading_wrench
 from quadsafe_env.vehicle.params import PRESETS, params_from
 from quadsafe_env.vehicle.rigid_body import rk4_step
+from quadsafe_env.vehicle.rotors import thrust_and_torque
 from quadsafe_env.vehicle.state import to_body, to_world
 
 VEHICLES = {"crazyflie": PRESETS["crazyflie"], "unequal": params_from({"inertia": [1.4e-5, 1.0e-5, 2.0e-5]})}
@@ -128,24 +136,25 @@ class Followed:
         self.flat = None
 
 
-def off_chain(action, T, n=4, steps=12, **keywords):
+def off_chain(action, conditions, n=4, steps=12, scale=1.0, **keywords):
     """Largest distance, m/s² and m/s³, from the lagged chain over 0.48 s of random commands."""
     env = gymnasium.make_vec(
-        "QuadSafe/Avoid-v0", n, action=action, obstacles=[], conditions={"rotor_lag": T}, **keywords
+        "QuadSafe/Avoid-v0", n, action=action, obstacles=[], conditions=conditions, **keywords
     ).unwrapped
     env.reset(seed=0)
-    env.snap_filter = chain = Followed(n, T)
+    env.snap_filter = chain = Followed(n, env.rotor_lag[1])
     rng, most = np.random.default_rng(2), np.zeros(2)
     for _ in range(steps):
-        info = env.step(rng.uniform(-1, 1, (n, 4)).astype(np.float32))[4]
-        assert not info["crash"].any()
+        info = env.step(scale * rng.uniform(-1, 1, (n, 4)).astype(np.float32))[4]
+        assert not info["crash"].any() and not info["saturated"].any()
         most = np.maximum(most, np.abs(env.flat_state() - chain.flat)[:, 2:].max(axis=(0, 2)))
     return most
 
 
 @pytest.mark.parametrize("action", INTERFACES)
 def test_every_interface_flies_the_lagged_chain_if_the_loop_is_told(action):
-    told, untold = off_chain(action, 0.0375, lag_compensation="told"), off_chain(action, 0.0375)
+    lag = {"rotor_lag": 0.0375}
+    told, untold = off_chain(action, lag, lag_compensation="told"), off_chain(action, lag)
     assert (told < 0.08 * untold).all()
 
 
@@ -160,6 +169,39 @@ def test_a_thrust_rises_and_falls_with_its_own_time_constant():
         assert after == pytest.approx(command + (before - command) * math.exp(-0.002 / T))
         assert mean == pytest.approx(0.5 * (before + after), rel=1e-3)
         assert thrust_rate(before, command, slow.rise, slow.fall) == pytest.approx((command - before) / T)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(("rise", "fall"), [(0.055, 0.249), (0.03, 0.01), (0.02, 0.02)])
+def test_a_loop_that_is_told_makes_every_thrust_follow_the_greater_time_constant(rise, fall):
+    params, rng, lag = VEHICLES["crazyflie"], np.random.default_rng(0), max(rise, fall)
+    off = []
+    for dt in (0.002, 0.001):
+        slow = slow_rotors(params, rise, fall, dt, is_told=True)
+        kept, mean = lag_of_step(lag, dt)
+        for before, asked in rng.uniform(0.0, slow.high, (50, 2)):
+            command = command_of(before, asked, slow.rise, slow.fall, IN_A_STEP)
+            # So no stop is reached that the thrust asked for is not beyond.
+            assert min(before, asked) - 1e-12 <= command <= max(before, asked) + 1e-12
+            after, middle = thrust_after(before, command, slow.rise, slow.fall)
+            assert after == pytest.approx(asked + kept * (before - asked), rel=1e-12)
+            off.append(abs(middle - asked - mean * (before - asked)))
+            now = command_of(before, asked, slow.rise, slow.fall, AT_ONCE)
+            assert thrust_rate(before, now, slow.rise, slow.fall) == pytest.approx((asked - before) / lag)
+    assert max(off[:50]) < 0.002**2 / (12.0 * lag * min(rise, fall)) * slow.high + 1e-15
+    assert max(off[50:]) < 0.001**2 / (12.0 * lag * min(rise, fall)) * slow.high + 1e-15
+    plain = slow_rotors(params, rise, fall, 0.002)
+    assert command_of(0.01, 0.1, plain.rise, plain.fall, IN_A_STEP) == 0.1
+
+
+@pytest.mark.parametrize("action", ["snap", "velocity"])
+def test_a_loop_that_is_told_of_uneven_rotors_flies_one_lag(action):
+    scale = np.array([0.4, 0.4, 0.4, 0.02], np.float32)
+    uneven, one = {"rotor_rise": 0.055, "rotor_fall": 0.249}, {"rotor_lag": 0.249}
+    told = off_chain(action, uneven, scale=scale, lag_compensation="told")
+    # As little is left as of a lag of the wrench, and a hundredth of what a loop that is not told leaves.
+    assert (told < 1.5 * off_chain(action, one, scale=scale, lag_compensation="told")).all()
+    assert (told < 0.01 * off_chain(action, uneven, scale=scale)).all()
 
 
 def flown_states(conditions, scale, action="snap", **keywords):
@@ -193,6 +235,27 @@ def test_rotors_that_lag_keep_to_their_range_and_say_so():
     _, is_clipped, thrusts = flown_states({"rotor_rise": 0.055, "rotor_fall": 0.249}, scale, "rates")
     assert is_clipped
     assert (thrusts >= 0.0).all() and (thrusts <= params.thrust_max / 4.0).all()
+
+
+def test_after_a_stop_a_loop_that_is_told_believes_what_the_rotors_give():
+    env = gymnasium.make_vec(
+        "QuadSafe/Avoid-v0",
+        8,
+        action="rates",
+        obstacles=[],
+        conditions={"rotor_rise": 0.055, "rotor_fall": 0.249},
+        lag_compensation="told",
+    ).unwrapped
+    env.reset(seed=0)
+    rng, is_clipped = np.random.default_rng(0), np.zeros(8, dtype=bool)
+    for step in range(12):
+        # Calm at last: no stop any more, and the belief is carried on by the lag alone.
+        scale = 1.0 if step < 8 else 0.0
+        is_clipped |= env.step((scale * rng.uniform(-1, 1, (8, 4))).astype(np.float32))[4]["saturated"]
+    weather = env._world._weather
+    given = thrust_and_torque(weather["thrusts"], env.params)[1]
+    assert is_clipped.any() and np.abs(given).max() > 1e-6
+    np.testing.assert_allclose(weather["believed"][:, 1:], given, atol=0.01 * np.abs(given).max())
 
 
 # The lag of a row
@@ -246,6 +309,15 @@ def test_a_loop_that_is_told_of_no_lag_is_the_plain_one_bit_for_bit():
         plain.step([0.1, -0.2, 0.1, 0.3])
         assert (told.state == plain.state).all()
     gymnasium.make("QuadSafe/Avoid-v0", lag_compensation="told")
+
+
+def test_what_is_to_be_declared_is_told():
+    for conditions, lag in (
+        ({}, (0.0, 0.0)),
+        ({"rotor_lag": (0.02, 0.06)}, (0.02, 0.06)),
+        ({"rotor_rise": 0.055, "rotor_fall": 0.249}, (0.249, 0.249)),
+    ):
+        assert gymnasium.make("QuadSafe/Avoid-v0", conditions=conditions).unwrapped.rotor_lag == lag
 
 
 def test_an_interval_goes_through_a_spec():

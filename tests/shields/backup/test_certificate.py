@@ -35,8 +35,10 @@ from shields.backup.stored_stop import (
     advance_stop,
     dead_beat_snap,
     feedback,
+    held_snap,
     periods_of,
     reference,
+    segment_periods,
     write_stop,
 )
 from shields.chains.flat_state import Flat, flat_of, flown
@@ -84,7 +86,7 @@ def same(spheres):
 
 
 def tracking_snap(plan, x, period, gains):
-    return combined(three(plan["snap"]), 1.0, feedback(plan, x, period, gains))
+    return combined(held_snap(plan, period), 1.0, feedback(plan, x, period, gains))
 
 
 FAR_AWAY = spheres_of(((50.0, 0, 0), WORLD, 0.5))
@@ -96,7 +98,7 @@ def samples_of(x, snap, duration):
 
 def samples_of_stop(plan, period, snap_max):
     """The stored stop along the times since the instant it starts at, and its end, by its own formula."""
-    x, frame, h = flat_of(plan["begin"]), three(plan["frame"]), int(plan["periods"]) * period
+    x, frame, h = flat_of(plan["begin"]), three(plan["frame"]), segment_periods(plan, period) * period
     states = []
     for _ in range(SEGMENTS):
         snap = dead_beat_snap(x, frame, h)
@@ -164,7 +166,7 @@ def test_a_stored_stop_replays_to_rest_at_the_predicted_point_and_holds(frame):
         rested = reference(plan, PERIOD)
         np.testing.assert_allclose(rested.r, end.r, atol=1e-11)
         assert rested[1:] == (frame, WORLD, WORLD)
-        np.testing.assert_array_equal(plan["snap"], WORLD)
+        assert held_snap(plan, PERIOD) == WORLD
         for _ in range(100):
             advance_stop(plan, PERIOD)
         later = reference(plan, PERIOD)
@@ -241,13 +243,13 @@ def test_an_accepted_snap_comes_back_with_its_stop():
 def test_a_refused_snap_is_replaced_by_the_stored_stop():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     write_stop(plan, x, WORLD, 4, PERIOD)
-    stored = three(plan["snap"])
+    stored = held_snap(plan, PERIOD)
     for wanted, is_wanted in (((1e7, 0.0, 0.0), True), ((0.0, 0.0, 0.0), False)):
         answer = certified_snap(plan.copy(), x, wanted, is_wanted, same(FAR_AWAY), FLIGHT)
         assert answer == (stored, STOPPED)
     certified_snap(plan, x, (1e7, 0.0, 0.0), True, same(FAR_AWAY), FLIGHT)
     assert reference(plan, PERIOD) == flown(x, stored, PERIOD)
-    assert plan["periods_left"] == plan["periods"] - 1
+    assert plan["periods_left"] == segment_periods(plan, PERIOD) - 1
 
 
 @pytest.mark.interpreted
@@ -333,7 +335,7 @@ def test_what_is_not_wanted_finds_a_stop_from_where_the_vehicle_is():
     plan, x = empty_plan(), flat_state([WORLD, (1.0, 0, 0), WORLD, WORLD])
     snap, kind = certified_snap(plan, x, WORLD, False, same(FAR_AWAY), FLIGHT)
     assert kind == STOPPED
-    h = int(plan["periods"]) * PERIOD
+    h = segment_periods(plan, PERIOD) * PERIOD
     assert snap == dead_beat_snap(x, WORLD, h)
     assert stop_is_clear(x, 0.0, WORLD, h, FAR_AWAY, LIMITS)
 
@@ -363,7 +365,7 @@ def test_a_stop_is_given_up_only_where_a_point_of_it_is_in_a_sphere():
     x = flat_state([(0.0, 0.0, 0.0), (2.0, 0.0, 0.0), WORLD, (0.0, 0.0, 40.0)])
     plan = empty_plan()
     write_stop(plan, x, WORLD, 4, PERIOD)
-    h = int(plan["periods"]) * PERIOD
+    h = segment_periods(plan, PERIOD) * PERIOD
     state = x
     for _ in range(SEGMENTS):
         state = flown(state, dead_beat_snap(state, WORLD, h), h)
@@ -440,7 +442,7 @@ def test_the_jerk_after_the_period_and_along_the_stop_has_its_limit():
     plan = empty_plan()
     assert accept(plan, x, snap, PERIOD, spheres, LIMITS)
     np.testing.assert_array_equal(plan["begin"], after)
-    jerks, y, h = [after.j], after, int(plan["periods"]) * PERIOD
+    jerks, y, h = [after.j], after, segment_periods(plan, PERIOD) * PERIOD
     for _ in range(SEGMENTS):
         y = flown(y, dead_beat_snap(y, WORLD, h), h)
         jerks.append(y.j)

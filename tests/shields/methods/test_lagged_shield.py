@@ -10,13 +10,21 @@ from house import ROOT
 from quadsafe_core.shapes import Box, Obstacles, Sphere
 from shields import Shield, Uncertainty
 from shields.backup.arcs import is_separated, position_points, ray_and_point_are_clear, with_own_position
-from shields.backup.stored_stop import LED_PLAN, NOTHING, advance_stop, begin_of, write_stop
+from shields.backup.stored_stop import (
+    LED_PLAN,
+    NOTHING,
+    advance_stop,
+    begin_of,
+    held_snap,
+    segment_periods,
+    write_stop,
+)
 from shields.chains.flat_state import Behind, Flat, behind_of, flown, lead, with_behind
 from shields.chains.lagged import lagged_flow
 from shields.interface.bodies import Kept
 from shields.interface.records import FlightLimits, ThrustBand
 from shields.methods.halfspace import Sampling, demand_along
-from shields.settings.uncertainty import tube_of
+from shields.settings.tube import tube_of
 from shields.slot.recorder import Recorder
 
 LAG, PERIOD = 0.05, 0.02
@@ -65,8 +73,9 @@ def test_a_stored_stop_keeps_the_vehicle_behind_it():
     plan, x = np.zeros(1, dtype=LED_PLAN)[0], led(*a_vehicle(np.random.default_rng(1)))
     write_stop(plan, x, NOTHING, 0, PERIOD)
     assert begin_of(plan) == x
-    whole = flown(x, three(plan["snap"]), int(plan["periods"]) * PERIOD)
-    for _ in range(int(plan["periods"])):
+    periods = segment_periods(plan, PERIOD)
+    whole = flown(x, held_snap(plan, PERIOD), periods * PERIOD)
+    for _ in range(periods):
         advance_stop(plan, PERIOD)
     assert begin_of(plan) == whole
     for _ in range(round(2.0 / PERIOD)):

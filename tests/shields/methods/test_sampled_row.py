@@ -18,6 +18,7 @@ from shields.backup.stored_stop import (
     advance_stop,
     dead_beat_snap,
     reference,
+    segment_periods,
     write_stop,
 )
 from shields.chains.flat_state import Flat, flown
@@ -177,7 +178,7 @@ def test_a_stop_that_counts_has_a_clear_tube_and_the_vehicle_in_it():
             continue
         counting += 1
         assert np.linalg.norm(np.array(x.r) - center) >= 0.5 + off - 1e-9
-        y, h = Flat(*(tuple(row) for row in plan["begin"])), int(plan["periods"]) * PERIOD
+        y, h = Flat(*(tuple(row) for row in plan["begin"])), segment_periods(plan, PERIOD) * PERIOD
         for _ in range(int(plan["segments_left"])):
             snap = dead_beat_snap(y, NOTHING, h)
             for t in np.linspace(0.0, h, 21):

@@ -13,16 +13,9 @@ from quadsafe_core.authority import Authority
 from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.interface.records import FlightLimits, ThrustBand
-from shields.settings.uncertainty import (
-    MOST_TAKEN,
-    chain_over,
-    checked_uncertainty,
-    control_points,
-    predicted_error,
-    share_taken,
-    tube_at,
-    tube_of,
-)
+from shields.settings.chain import chain_over, control_points
+from shields.settings.tube import MOST_TAKEN, share_taken, tube_at, tube_of, wrong_in
+from shields.settings.uncertainty import checked_uncertainty
 
 LIMITS = FlightLimits(600.0, 600.0, np.inf, ThrustBand(1.0, np.inf, 9.81))
 VEHICLE = Authority(
@@ -37,6 +30,9 @@ KINDS = {
     "delay": Uncertainty(delay=1),
     "losses": Uncertainty(losses=True),
     "lag": Uncertainty(rotor_lag=0.072),
+    "lag in an interval": Uncertainty(rotor_lag=(0.036, 0.039)),
+    "pushes": Uncertainty(impulse=0.2, impulse_gap=0.5),
+    "jitter": Uncertainty(jitter=0.15),
     "all": ALL,
     "all late": ALL._replace(rotor_lag=0.0375),
 }
@@ -109,7 +105,7 @@ def test_no_error_within_the_bounds_leaves_the_tube_and_the_worst_reach_its_side
 @pytest.mark.interpreted
 def test_the_error_ahead_is_that_of_the_chain():
     bounds, period = Uncertainty(0.01, 0.02, 0.3, 4.0, snap=10.0, gain=0.1, wind=0.2, delay=3), 0.02
-    error, added = predicted_error(bounds, period, 50.0)
+    error, added = wrong_in(bounds, period, 50.0)[:2]
     # The chain is monotone: the largest error is that of the largest entries.
     x = np.array(bounds[:4])[:, None] * np.ones(3)
     for _ in range(3):
@@ -139,7 +135,7 @@ def test_attacks_within_the_bounds_find_nothing(kind, rate, flights):
     assert found.changed > 0.2 * found.steps and found.clearance.min() < 0.1
 
 
-@pytest.mark.parametrize("kind", ["estimate", "delay", "losses", "lag", "all"])
+@pytest.mark.parametrize("kind", ["estimate", "delay", "losses", "lag", "lag in an interval", "pushes", "all"])
 def test_a_shield_that_is_not_told_lets_them_through(kind, flights):
     assert flights.fly(None, KINDS[kind], 50, 100, 0).violated_episodes > 0
 
@@ -348,10 +344,10 @@ def test_a_start_within_the_tube_is_not_certified_until_it_is_left():
         ({"delay": 101}, "uncertainty.delay must be a whole number from 0 to 100, got 101"),
         ({"losses": 1}, "uncertainty.losses must be True or False, got 1"),
         ({"rotor_lag": -0.01}, "uncertainty.rotor_lag must be a finite number >= 0, got -0.01"),
-        (
-            {"rotor_lag": (0.01, 0.02)},
-            "uncertainty.rotor_lag must be one number, in s, and no interval, got (0.01,",
-        ),
+        ({"rotor_lag": (0.02, 0.01)}, "uncertainty.rotor_lag must be a number, or (least, greatest) with"),
+        ({"rotor_lag": (0.0, 0.01)}, "uncertainty.rotor_lag must be a number, or (least, greatest) with"),
+        ({"rotor_lag": (0.01,)}, "uncertainty.rotor_lag must"),
+        ({"impulse": 0.1}, "uncertainty.impulse and uncertainty.impulse_gap must both be 0 or both be > 0"),
         ({"noise": 1.0}, "a field of uncertainty must be one of 'position', 'velocity'"),
         (0.1, "uncertainty must be an Uncertainty or a mapping"),
     ],
@@ -421,17 +417,53 @@ def test_the_plant_has_the_bounds_of_its_conditions():
     )
     again = gymnasium.make(shielded.spec)
     assert again.get_wrapper_attr("shield").settings == shielded.shield.settings
-    for name in ("rotor_lag", "jitter"):
-        lagging = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions={name: 0.01})
-        with pytest.raises(ValueError, match=f"{name} must be 0 for bounds"):
-            ShieldWrapper(lagging, uncertainty="conditions")
+    for met, sentence in (
+        ({"rotor_lag": 0.01}, 'lag_compensation must be "told" for bounds'),
+        ({"impulse": 0.1, "impulse_rate": 1.0}, "impulse_gap must be > 0 for bounds"),
+        ({"rotor_lag": 0.01, "rotor_rise": 0.01, "rotor_fall": 0.02}, "rotor_lag must be 0 where rotor_rise"),
+    ):
+        beyond = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=met)
+        with pytest.raises(ValueError, match=sentence):
+            ShieldWrapper(beyond, uncertainty="conditions")
     with pytest.raises(ValueError, match="uncertainty must be 'conditions', Uncertainty, a mapping or None"):
         ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0"), uncertainty="weather")
 
 
-def collisions(settings, seed=0, n=200):
+@pytest.mark.parametrize(
+    ("met", "told"),
+    [
+        ({"rotor_lag": 0.0375}, {"rotor_lag": 0.0375}),
+        ({"rotor_lag": [0.037, 0.038]}, {"rotor_lag": (0.037, 0.038)}),
+        ({"rotor_rise": 0.03, "rotor_fall": 0.05}, {"rotor_lag": 0.05}),
+        # Periods of five physics steps: four to six.
+        ({"jitter": 0.25}, {"jitter": 0.2}),
+        (
+            {"impulse": 0.1, "impulse_rate": 2.0, "impulse_gap": 0.5},
+            {"impulse": 0.1, "impulse_gap": 0.5},
+        ),
+    ],
+)
+def test_what_lags_and_what_pushes_is_among_the_bounds(met, told):
+    plant = {"conditions": met, "lag_compensation": "told"}
+    env = ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", **plant), uncertainty="conditions")
+    found = env.shield.settings["uncertainty"]
+    assert {name: found[name] for name in told} == told
+    assert collisions({"uncertainty": "conditions"}, n=50, **plant) == (0, 0)
+
+
+def test_an_inner_loop_that_is_told_another_lag_has_an_error_that_grows_with_the_difference():
+    errors = []
+    for width in (0.0, 1e-4, 2e-4):
+        met = {"rotor_lag": [0.0375 - width, 0.0375 + width]}
+        env = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=met, lag_compensation="told")
+        errors.append(env.unwrapped.flight_model.snap_error(300.0, 30.0, 5.0, 500))
+    assert errors[0] < errors[1] < errors[2] and errors[2] - errors[1] > 0.9 * (errors[1] - errors[0])
+
+
+def collisions(settings, seed=0, n=200, **plant):
     """Violated flights straight at the goal, through the sphere, under these conditions; steps uncertified."""
-    env = gymnasium.make_vec("quadsafe_env:QuadSafe/Avoid-v0", n, conditions=MET, max_episode_steps=200)
+    plant = {"conditions": MET, **plant}
+    env = gymnasium.make_vec("quadsafe_env:QuadSafe/Avoid-v0", n, max_episode_steps=200, **plant)
     env = env if settings is None else VectorShieldWrapper(env, **settings)
     observations, _ = env.reset(seed=seed)
     violated, open_flights, uncertified = np.zeros(n, bool), np.ones(n, bool), 0
@@ -472,9 +504,9 @@ def test_the_chosen_tube_leaves_half_and_no_other_pole_is_better():
     uncertainty, period = KINDS["estimate"], 0.02
     tube = tube_of(uncertainty, period, LIMITS)
     assert share_taken(tube, LIMITS) <= MOST_TAKEN
-    error, added = predicted_error(uncertainty, period, LIMITS.snap_max)
+    wrong = wrong_in(uncertainty, period, LIMITS.snap_max)
     for pole in (2.0, 3.0, 5.0, 8.0, 12.0):
-        other = tube_at(pole, error, added, period)
+        other = tube_at(pole, wrong, period)
         cost = other.deviation[0] + 0.1 * share_taken(other, LIMITS)
         assert cost >= 0.98 * (tube.deviation[0] + 0.1 * share_taken(tube, LIMITS))
 
