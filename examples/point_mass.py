@@ -1,41 +1,38 @@
-"""A plant that is not ours behind the shield: a point mass moved by its snap, ``Shield.filter`` in its loop.
+"""A plant that is not ours behind the shield: a point mass, as a ``quadsafe_env.plants.Plant``.
 
 The plant knows nothing of the shield, and the shield of the plant no more than its flat state.
 """
 
-import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
 
-from shields import Obstacles, Shield
+from quadsafe_env.plants import fly
+from shields import Shield
 
-PERIOD, GOAL = 0.02, np.array([2.0, 0.0, 0.0])
-CENTER, RADIUS = np.zeros((1, 3)), np.array([0.5])
-SPHERE = Obstacles.spheres(CENTER, RADIUS)
-# From (4, 3) derivatives to those at 21 times of a period, by Taylor, and what a held snap adds.
-TIMES = np.linspace(0.0, PERIOD, 21)[:, None, None]
+PERIOD, GOAL, SPHERE = 0.02, np.array([2.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 0.5]
 ORDER = np.arange(4)[:, None] - np.arange(5)
-TAYLOR = np.where(ORDER <= 0, TIMES ** np.maximum(-ORDER, 0), 0.0) / np.array([1, 1, 2, 6, 24])[abs(ORDER)]
+FACTORIAL = np.array([1, 1, 2, 6, 24])[abs(ORDER)]
 
 
-class PointMass(gymnasium.Env):
-    """An integrator chain of order four: the action is the snap, m/s⁴, held for a period."""
+class PointMass:
+    """An integrator chain of order four, exact under the held snap; in every own step its position is given."""
 
-    observation_space, action_space = Box(-np.inf, np.inf, (4, 3), np.float64), Box(-np.inf, np.inf, (3,))
+    step, radius = 0.001, 0.0
 
-    def reset(self, *, seed=None, options=None):
-        """At rest, in front of the sphere."""
-        super().reset(seed=seed)
-        self.flat = np.zeros((4, 3))
-        self.flat[0] = [-2.0, *self.np_random.uniform(-0.4, 0.4, 2)]
-        return self.flat, {}
+    def reset(self, flat):
+        """Begin there."""
+        self.state = flat
 
-    def step(self, action):
-        """Exact under the held snap; the cost is a violation at any of 21 times of the period."""
-        path = TAYLOR @ np.vstack([self.flat, action])
-        self.flat, gaps = path[-1], np.linalg.norm(path[:, 0] - CENTER, axis=-1) - RADIUS
-        arrived = bool(np.linalg.norm(self.flat[0] - GOAL) < 0.05)
-        return self.flat, 0.0, arrived, False, {"cost": float(gaps.min() < 0.0), "clearance": gaps.min()}
+    def flat(self):
+        """Its state."""
+        return self.state
+
+    def fly(self, snap, period):
+        """From (4, 3) derivatives to those at each own time, by Taylor, and what the held snap adds."""
+        times = self.step * np.arange(1, round(period / self.step) + 1)[:, None, None]
+        taylor = np.where(ORDER <= 0, times ** np.maximum(-ORDER, 0), 0.0) / FACTORIAL
+        path = taylor @ np.vstack([self.state, snap])
+        self.state = path[-1]
+        return path[:, 0]
 
 
 def controller(flat):
@@ -43,25 +40,15 @@ def controller(flat):
     return 81.0 * (GOAL - flat[0]) - 108.0 * flat[1] - 54.0 * flat[2] - 12.0 * flat[3]
 
 
-def fly(seed: int, shield: Shield | None) -> tuple[float, bool]:
-    """Violations, in steps, and whether the goal was reached within 8 s."""
-    env, cost, arrived = PointMass(), 0.0, False
-    flat, _ = env.reset(seed=seed)
-    for _ in range(400):
-        snap = controller(flat)
-        if shield is not None:
-            snap = shield.filter(flat, SPHERE, snap, PERIOD).snap
-        flat, _, arrived, _, info = env.step(snap)
-        cost += info["cost"]
-        if arrived:
-            break
-    return cost, arrived
+def fly_at_it(seed: int, shield: Shield | None) -> tuple[bool, bool]:
+    """Whether the flight violates, and whether it is at the goal after 8 s."""
+    start = [-2.0, *np.random.default_rng(seed).uniform(-0.4, 0.4, 2)]
+    flight = fly(PointMass(), controller, start, [SPHERE], seconds=8.0, period=PERIOD, shield=shield)
+    return flight.violated, bool(np.linalg.norm(flight.flats[-1, 0] - GOAL) < 0.05)
 
 
 if __name__ == "__main__":
-    for name, flights in (
-        ("without shield", [fly(seed, None) for seed in range(100)]),
-        ("with shield", [fly(seed, Shield()) for seed in range(100)]),
-    ):
-        hits, arrived = sum(cost > 0 for cost, _ in flights), sum(arrived for _, arrived in flights)
+    for name, shield in (("without shield", None), ("with shield", Shield())):
+        flights = [fly_at_it(seed, shield) for seed in range(100)]
+        hits, arrived = sum(hit for hit, _ in flights), sum(arrived for _, arrived in flights)
         print(f"{name:15} violations in {hits} of 100 flights, {arrived} arrived")

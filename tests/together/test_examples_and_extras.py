@@ -1,7 +1,6 @@
 """An example that needs more than quadsafe brings names the pip line, before anything is flown or trained."""
 
 import ast
-import importlib.util
 import runpy
 import sys
 
@@ -12,22 +11,20 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 # What the dependencies of pyproject.toml bring, and what stands in the tree.
 BROUGHT = {"gymnasium", "matplotlib", "mpl_toolkits", "numpy", "PIL", "stable_baselines3", "torch"}
 OURS = {"agents", "quadsafe_env", "shields", *(path.stem for path in EXAMPLES)}
-EXTRAS = {"peer_simulator.py": {"rotorpy"}}
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.name)
-def test_an_example_imports_what_is_there_or_what_an_extra_brings(path):
+def test_an_example_imports_what_is_there(path):
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     names |= {node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)}
     roots = {name.partition(".")[0] for name in names} - set(sys.stdlib_module_names)
-    assert roots - BROUGHT - OURS == EXTRAS.get(path.name, set())
+    assert roots - BROUGHT - OURS == set()
 
 
 def test_the_peer_simulator_names_the_pip_line(monkeypatch):
-    real = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rotorpy" else real(name))
-    with pytest.raises(SystemExit, match=r'pip install "quadsafe\[peer\]"'):
+    monkeypatch.setitem(sys.modules, "rotorpy", None)
+    with pytest.raises(SystemExit, match=r"pip install 'quadsafe\[rotorpy\]'"):
         runpy.run_path(str(ROOT / "examples/peer_simulator.py"), run_name="__main__")
 
 

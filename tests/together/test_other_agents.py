@@ -12,6 +12,7 @@ from house import ROOT
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecEnv
 
+from quadsafe_env.plants import make_plant
 from shields import Shield, ShieldWrapper
 
 EXAMPLES = ROOT / "examples"
@@ -126,18 +127,19 @@ def test_the_loop_values_what_a_time_limit_cut_off_and_nothing_after_an_end():
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_plant_that_is_not_ours_is_kept_out_of_the_sphere(seed):
-    fly = runpy.run_path(str(EXAMPLES / "point_mass.py"))["fly"]
-    bare, shielded = fly(seed, None), fly(seed, Shield())
-    assert bare[0] > 0.0 and bare[1]
-    assert shielded == (0.0, True)
+    fly = runpy.run_path(str(EXAMPLES / "point_mass.py"))["fly_at_it"]
+    assert fly(seed, None) == (True, True)
+    assert fly(seed, Shield()) == (False, True)
 
 
 def test_the_point_mass_is_the_chain_of_order_four():
     example = runpy.run_path(str(EXAMPLES / "point_mass.py"))
-    env, snap, t = example["PointMass"](), np.array([1.0, -2.0, 3.0]), example["PERIOD"]
-    env.reset(seed=0)
-    before = env.flat = np.arange(12.0).reshape(4, 3) + 5.0
-    after, *_ = env.step(snap)
+    plant, snap, t = example["PointMass"](), np.array([1.0, -2.0, 3.0]), example["PERIOD"]
+    before = np.arange(12.0).reshape(4, 3) + 5.0
+    plant.reset(before)
+    positions = plant.fly(snap, t)
+    after = plant.flat()
+    assert len(positions) == round(t / plant.step) and (positions[-1] == after[0]).all()
     rows = [*before, snap]
     for order in range(4):
         taylor = sum(rows[k] * t ** (k - order) / math.factorial(k - order) for k in range(order, 5))
@@ -146,8 +148,8 @@ def test_the_point_mass_is_the_chain_of_order_four():
 
 @pytest.mark.skipif(importlib.util.find_spec("rotorpy") is None, reason="needs RotorPy, which is optional")
 def test_a_peer_simulator_is_kept_out_of_the_sphere():
-    fly = runpy.run_path(str(EXAMPLES / "peer_simulator.py"))["fly"]
-    bare, shielded = fly((0.2, 0.1), None), fly((0.2, 0.1), Shield())
-    assert bare[0] < 0.0 < shielded[0]
-    # The reference keeps out of the sphere and of the room for the error; both arrive.
-    assert max(bare[1], shielded[1]) < 0.12 and max(bare[2], shielded[2]) < 0.1
+    example = runpy.run_path(str(EXAMPLES / "peer_simulator.py"))
+    plant, shield = make_plant("rotorpy"), Shield(uncertainty=example["TOLD"])
+    bare, _ = example["fly_through"](plant, 1, None, seconds=2.0)
+    shielded, arrived = example["fly_through"](plant, 1, shield)
+    assert bare.violated and not shielded.violated and shielded.certified == 1.0 and arrived
