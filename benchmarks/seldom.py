@@ -3,6 +3,7 @@
     python benchmarks/seldom.py                 a tenth of everything
     python benchmarks/seldom.py --scale 1       as the page has it, more than a million control steps a row
     python benchmarks/seldom.py --parts body --only jitter
+    python benchmarks/seldom.py --parts goal    speed and success of what can be told of "randomised"
 
 Bare chains among spheres, or cubes with round edges, are attacked as in docs/robustness.md: pushes come at the
 body as often as they may, periods are as short or as long as may be, and of a lag that end of its interval is
@@ -15,6 +16,7 @@ import warnings
 from typing import Any, NamedTuple
 
 import gymnasium
+import numpy as np
 from lagged_body import POLICY_HZ, attacked
 from safety_campaign.tables import markdown, rate
 from uncertain.chain_flights import fly
@@ -115,6 +117,40 @@ def body_rows(only: str, scale: float) -> list[list[str]]:
     return rows
 
 
+def goal_rows(only: str, scale: float) -> list[list[str]]:
+    """Flights of Avoid straight at the goal, through the sphere, under ``MILD``, for at most 10 s."""
+    rows, n = [], round(2000 * scale)
+    for name, told in (("what can be told", "conditions"), ("nothing", None), ("no shield", False)):
+        if only not in name:
+            continue
+        env: Any = gymnasium.make_vec(
+            "QuadSafe/Avoid-v0", n, conditions=MILD, lag_compensation="told", max_episode_steps=10 * POLICY_HZ
+        )
+        env = env if told is False else VectorShieldWrapper(env, uncertainty=told)
+        observations, _ = env.reset(seed=SEED)
+        flying, counts, times, speeds = (
+            np.ones(n, dtype=bool),
+            np.zeros((2, n), dtype=bool),
+            np.full(n, np.inf),
+            [],
+        )
+        for step in range(10 * POLICY_HZ):
+            actions = np.zeros((n, 4), dtype=np.float32)
+            actions[:, :3] = np.clip(3.0 * observations[:, :3], -1.0, 1.0)
+            observations, _, ended, cut, info = env.step(actions)
+            counts |= flying & np.array([info["violation"], info["is_success"]])
+            speeds.append(np.linalg.norm(env.unwrapped.state[flying, 3:6], axis=1).mean())
+            times[flying & info["is_success"]] = (step + 1) / POLICY_HZ
+            flying &= ~(ended | cut)
+            if not flying.any():
+                break
+        violated, arrived = counts.sum(axis=1)
+        soon = f"{np.median(times[counts[1]]):.2f}" if arrived else "–"
+        rows.append([name, f"{n:,}", rate(violated, n), rate(arrived, n), soon, f"{np.mean(speeds):.2f}"])
+        print(rows[-1], flush=True)
+    return rows
+
+
 CHAIN_HEAD = (
     "declared",
     "Hz",
@@ -134,7 +170,8 @@ BODY_HEAD = (
     "certificate lost",
     "not told: violated",
 )
-PARTS = {"chain": (chain_rows, CHAIN_HEAD), "body": (body_rows, BODY_HEAD)}
+GOAL_HEAD = ("told of", "flights", "violated", "arrived", "median time, s", "mean speed, m/s")
+PARTS = {"goal": (goal_rows, GOAL_HEAD), "chain": (chain_rows, CHAIN_HEAD), "body": (body_rows, BODY_HEAD)}
 
 
 def main() -> None:

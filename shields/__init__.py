@@ -31,7 +31,7 @@ keep_old_paths(
         "shields.filters": "sampled box_filter box_held braking_held",
         "shields.interface": "filtered",
         "shields.backup": "arcs stored_stop certificate",
-        "shields.settings": "uncertainty",
+        "shields.settings": "uncertainty:tube",
         "shields.methods": "halfspace cbf:cbf_shield",
         "quadsafe_core.maths": "polynomials projection",
     },

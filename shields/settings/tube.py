@@ -102,6 +102,11 @@ def wrong_in(uncertainty: Uncertainty, period: float, snap_max: float) -> Wrong:
     return Wrong(error, added, lag.told, seldom)
 
 
+def predicted_error(uncertainty: Uncertainty, period: float, snap_max: float) -> tuple[Array, Array]:
+    """Bounds (4,) of the error of the state, or its lead, after the delay, and of what one period adds."""
+    return wrong_in(uncertainty, period, snap_max)[:2]
+
+
 def tube_at(pole: float, wrong: Wrong, period: float) -> Tube:
     """The tube with every pole of the feedback there; with a lag of the lead, and of the vehicle behind it."""
     gains, longest = held_gains(4, pole, period), period * (1.0 + wrong.seldom.jitter)

@@ -14,7 +14,7 @@ from quadsafe_core.shapes import Obstacles
 from shields import Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
 from shields.interface.records import FlightLimits, ThrustBand
 from shields.settings.chain import chain_over, control_points
-from shields.settings.tube import MOST_TAKEN, share_taken, tube_at, tube_of, wrong_in
+from shields.settings.tube import MOST_TAKEN, predicted_error, share_taken, tube_at, tube_of, wrong_in
 from shields.settings.uncertainty import checked_uncertainty
 
 LIMITS = FlightLimits(600.0, 600.0, np.inf, ThrustBand(1.0, np.inf, 9.81))
@@ -32,7 +32,7 @@ KINDS = {
     "lag": Uncertainty(rotor_lag=0.072),
     "lag in an interval": Uncertainty(rotor_lag=(0.036, 0.039)),
     "pushes": Uncertainty(impulse=0.2, impulse_gap=0.5),
-    "jitter": Uncertainty(jitter=0.15),
+    "jitter": Uncertainty(jitter=0.1),
     "all": ALL,
     "all late": ALL._replace(rotor_lag=0.0375),
 }
@@ -105,7 +105,7 @@ def test_no_error_within_the_bounds_leaves_the_tube_and_the_worst_reach_its_side
 @pytest.mark.interpreted
 def test_the_error_ahead_is_that_of_the_chain():
     bounds, period = Uncertainty(0.01, 0.02, 0.3, 4.0, snap=10.0, gain=0.1, wind=0.2, delay=3), 0.02
-    error, added = wrong_in(bounds, period, 50.0)[:2]
+    error, added = predicted_error(bounds, period, 50.0)
     # The chain is monotone: the largest error is that of the largest entries.
     x = np.array(bounds[:4])[:, None] * np.ones(3)
     for _ in range(3):
