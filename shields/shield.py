@@ -256,6 +256,11 @@ class Shield(Snapshots):
         rows = checked_mask(mask, self._leading).reshape(self._size[0])
         return cast(TubeMethod, self._method).backup(rows).reshape(*self._leading, 3)
 
+    def check_period(self, period: float) -> None:
+        """Raise a ValueError if declared errors leave no tube at a control period, s."""
+        if self._settings["uncertainty"] is not None:
+            cast(TubeMethod, self._method).tube(control_period(period))
+
     def held_for(self, seconds: ArrayLike) -> None:
         """Tell for how long the last answers were held, (N,) or one number, s, before the next ``filter``.
 

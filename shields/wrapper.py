@@ -123,7 +123,7 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
         _check_env(env, gymnasium.Env, "VectorShieldWrapper takes vector environments")
         self._format = _format(info_format)
         _check_settings("ShieldWrapper", settings)
-        recorder = Recorder(Shield(**settings_for(env.unwrapped, inner_loop, settings)), rows=1)
+        recorder = _recorder_of(env.unwrapped, settings_for(env.unwrapped, inner_loop, settings), (1,))
         penalty = non_negative_number("intervention_penalty", intervention_penalty)
         # What was given, not what the plant made of it: a rebuilt env may fly another vehicle.
         kept = {"intervention_penalty": penalty, "inner_loop": inner_loop, "info_format": info_format}
@@ -205,7 +205,7 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         plant: Any = env.unwrapped
         # A plant with threads of its own tells which rows each of them flies.
         counts = plant.row_counts if hasattr(plant, "row_counts") else (env.num_envs,)
-        recorder = _recorder_of(settings_for(plant, inner_loop, settings), counts)
+        recorder = _recorder_of(plant, settings_for(plant, inner_loop, settings), counts)
         self._installation = Installation(plant, recorder)
 
     @property
@@ -252,10 +252,13 @@ class VectorShieldWrapper(gymnasium.vector.VectorWrapper):
         return self._format(self._installation.recorder.summary(mask), mask)
 
 
-def _recorder_of(settings: Mapping[str, Any], counts: Sequence[int]) -> Recorder | SplitRecorder:
+def _recorder_of(plant: Any, settings: Mapping[str, Any], counts: Sequence[int]) -> Recorder | SplitRecorder:
     """What records a new shield of these settings, or one for each of several counts of rows."""
+    shield = Shield(**settings)
+    if hasattr(plant, "control_period"):
+        shield.check_period(plant.control_period)
     if len(counts) == 1:
-        return Recorder(Shield(**settings), counts[0])
+        return Recorder(shield, counts[0])
     return SplitRecorder(SplitShield([ReleasedShield(**settings) for _ in counts]), counts)
 
 

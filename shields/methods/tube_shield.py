@@ -65,7 +65,7 @@ from shields.methods.on_the_way import (
     send,
 )
 from shields.methods.sampled_row import sampled_rows
-from shields.settings.tube import tube_of
+from shields.settings.tube import Tube, tube_of
 from shields.settings.uncertainty import checked_uncertainty, lag_told
 
 
@@ -273,10 +273,13 @@ class TubeMethod:
         check_stops(tubes.before)
         recall(self.memory, found)
 
+    def tube(self, period: float) -> Tube:
+        """The tube at a period; a ValueError where there is none."""
+        return tube_of(self._uncertainty, period, bounds_under(self._uncertainty, self._settings).limits)
+
     def at(self, period: float) -> Kernels:
         """What filters at a period."""
-        bounds = bounds_under(self._uncertainty, self._settings)
-        tube = tube_of(self._uncertainty, period, bounds.limits)
+        bounds, tube = bounds_under(self._uncertainty, self._settings), self.tube(period)
         bounds, held = bounds_in_tube(tube.deviation, tube.feedback, bounds), self._parts()[0]
         # A stop is stored in whole periods: of another length it would be another stop.
         held.rows.plans["is_stored"] = False

@@ -164,3 +164,10 @@ def test_a_push_that_was_told_is_no_surprise(told, is_surprised):
     env.reset(seed=0)
     seen = [env.step(np.zeros(4, dtype=np.float32))[4]["shield"]["surprised"] for _ in range(100)]
     assert any(seen) == is_surprised
+
+
+def test_a_wrapper_refuses_at_once_what_leaves_no_tube():
+    for inner_loop in ("measured", "proved"):
+        env = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0")
+        with pytest.raises(ValueError, match=r"jerk = \d+.* would do"):
+            ShieldWrapper(env, uncertainty={"jerk": 500.0, "snap": 100.0}, inner_loop=inner_loop)
