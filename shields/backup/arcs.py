@@ -29,7 +29,7 @@ from shields.interface.records import ThrustBand  # noqa: F401 - it was imported
 MOST_PIECES = 128
 SHORTEST_PIECE = 0.02
 # The hull of a piece and the vehicle behind it gets no shorter with the piece: its plane is turned more often.
-MORE_ROUNDS = 9
+MORE_ROUNDS = 40
 # A rest beside a long edge may take many.
 REST_ROUNDS = 100
 # What a look at an arc finds.
@@ -108,6 +108,9 @@ def piece_clears_core(core, points, center, drift, radius):
     nearest = nearest_point(core[0], core[1], start)
     for _ in range(ROUNDS + MORE_ROUNDS * (len(points) - 5)):
         way = nearest_on_chord(subtract(start, nearest), subtract(end, nearest))
+        if len(points) > 5 and norm(way) <= radius:
+            # The hull comes no less near, so no plane will do.
+            return False
         n = facing(core, way)
         if is_separated(core, n, norm(n), points, center, drift, radius):
             return True
