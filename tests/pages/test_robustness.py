@@ -83,9 +83,7 @@ def test_behind_rotors_that_lag_who_is_told_violates_nothing_and_who_is_not_does
     for row in told:
         assert int(row["steps"]) >= 1_000_000 and int(row["episodes"]) >= 2_000
         assert int(row["violated_episodes"]) == 0, row["key"]
-        # Among shapes the search for the plane of a rest loses some behind longer leads: the page says so.
-        if row["bodies"] == "spheres" or float(row["level"]) <= 50.0:
-            assert int(row["uncertified_episodes"]) <= 0.001 * int(row["episodes"]), row["key"]
+        assert int(row["uncertified_episodes"]) <= 0.001 * int(row["episodes"]), row["key"]
     for arm in ("nothing", "declared"):
         assert max(int(row["violated_episodes"]) for row in rows if row["arm"] == arm) > 0
 
