@@ -217,4 +217,5 @@ def store_told(block, first, count, closes, rows):
             rows.table[m * U(k) + U(first) + i] = block[U(LANES * TABLE) + U(LANES) * U(k) + i]
     for k in range(0 if closes else FOUND_LAST, FLAGS):
         for i in range(lanes):
-            rows.flags[m * U(k) + U(first) + i] = U8(block[U(LANES * MARKS) + U(LANES) * U(k) + i])
+            # Not as a number: in lanes without a row there may be any.
+            rows.flags[m * U(k) + U(first) + i] = U8(block[U(LANES * MARKS) + U(LANES) * U(k) + i] > 0.0)

@@ -123,7 +123,7 @@ def held_snap(plan, period):
 @inline_kernel
 def elapsed(plan, period):
     """For how long the present segment has been flown."""
-    return (segment_periods(plan, period) - plan["periods_left"]) * period
+    return (segment_periods(plan, period) - float(plan["periods_left"])) * period
 
 
 @kernel
@@ -159,7 +159,7 @@ def advance_stop(plan, period):
 @kernel
 def mean_snap(plan, period):
     """The snap of the stored stop, in the mean of the next period if its segment ends within that."""
-    held, share = held_snap(plan, period), plan["periods_left"]
+    held, share = held_snap(plan, period), float(plan["periods_left"])
     if share >= 1.0 - ALMOST:
         return held
     end = flown(flat_of(plan["begin"]), held, segment_periods(plan, period) * period)
