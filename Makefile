@@ -5,10 +5,12 @@ BIN := .venv/bin
 # The lowest Gymnasium that pyproject.toml allows: alone in a folder, it stands before the newest on the path.
 FLOOR := $(shell sed -n 's/.*"gymnasium>=\(.*\)".*/\1/p' pyproject.toml)
 FLOOR_PATH := $(CURDIR)/.venv/floor
+# crazyflow wants JAX and another setting of scipy: it gets an environment of its own.
+PLANTS := .venv/plants
 FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
 	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
 
-.PHONY: setup train test test-floor test-wheel lint docs clean
+.PHONY: setup train test test-floor test-wheel test-plants lint docs clean
 
 setup: .venv/ready
 
@@ -38,6 +40,11 @@ test-floor: setup
 
 test-wheel: setup
 	$(BIN)/python .ci/wheel.py $(PIP_CONSTRAINTS)
+
+test-plants:
+	test -x $(PLANTS)/bin/python || $(PYTHON) -m venv $(PLANTS)
+	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow]" "pytest>=8"
+	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest tests/quadsafe_env/plants/test_crazyflow_plant.py
 
 docs: setup
 	$(BIN)/mkdocs build --strict

@@ -53,6 +53,7 @@ class Adapter(NamedTuple):
 ADAPTERS = {
     "mujoco": Adapter("quadsafe_env.plants.mujoco_plant", "MujocoPlant", "mujoco"),
     "rotorpy": Adapter("quadsafe_env.plants.rotorpy_plant", "RotorpyPlant", "rotorpy"),
+    "crazyflow": Adapter("quadsafe_env.plants.crazyflow_plant", "CrazyflowPlant", "crazyflow"),
 }
 
 
@@ -60,9 +61,10 @@ def make_plant(name: str, **options: Any) -> Plant:
     """A plant by its name.
 
     Args:
-        name: "mujoco" or "rotorpy".
-        **options: keyword arguments of its class, ``quadsafe_env.plants.mujoco_plant.MujocoPlant`` or
-            ``quadsafe_env.plants.rotorpy_plant.RotorpyPlant``.
+        name: "mujoco", "rotorpy" or "crazyflow".
+        **options: keyword arguments of its class, ``quadsafe_env.plants.mujoco_plant.MujocoPlant``,
+            ``quadsafe_env.plants.rotorpy_plant.RotorpyPlant`` or
+            ``quadsafe_env.plants.crazyflow_plant.CrazyflowPlant``.
 
     Raises:
         ImportError: if its package is not installed, with the pip line.
