@@ -194,6 +194,18 @@ static void carry(qs_shield *shield) {
     shield->followed = 0; /* what has been followed once is not followed again */
 }
 
+/* The last answer, which may still be on its way. */
+static qs_vec *newest(qs_shield *shield) {
+    int delay = shield->settings.uncertainty.delay;
+    return delay > 0 ? &shield->pending[delay - 1] : &shield->flown;
+}
+
+/* Without a measurement: the state that is to be expected. */
+static void predict(qs_shield *shield) {
+    carry(shield);
+    shield->last = flown(&shield->last, *newest(shield), shield->rules.period);
+}
+
 /* Put down what is flown until the next sample; send the answer behind those that are on their way. */
 static void send(qs_shield *shield, qs_vec u) {
     int delay = shield->settings.uncertainty.delay;
@@ -240,16 +252,15 @@ static void close_answer(qs_shield *shield, const qs_real flat[4][3], const qs_o
     shield->chain = fact->certified ? shield->chain + (shield->chain <= QS_MAX_DELAY) : 0;
 }
 
-/* The stored stop in place of an answer, onto which feedback holds where the state is known; else rest. */
-static qs_vec fly_stop(qs_shield *shield, int is_seen) {
+/* The stored stop in place of an answer; without one the vehicle brakes. */
+static qs_vec fly_stop(qs_shield *shield) {
     const qs_rules *rules = &shield->rules;
     const qs_state *x = &shield->last;
-    qs_vec u = NOTHING;
+    qs_vec u;
     if (shield->stop.is_stored) {
-        u = is_seen ? tracking_snap(&shield->stop, x, rules)
-                    : within_ball(held_snap(&shield->stop, rules->period), rules->limits.snap_max);
+        u = tracking_snap(&shield->stop, x, rules);
         advance_stop(&shield->stop, rules->period);
-    } else if (is_seen) u = within_ball(braking(x->v, x->a, x->j, rules->braking), rules->limits.snap_max);
+    } else u = within_ball(braking(x->v, x->a, x->j, rules->braking), rules->limits.snap_max);
     return is_finite(u) ? u : NOTHING;
 }
 
@@ -278,13 +289,14 @@ static int checked_call(qs_shield *shield, const qs_real flat[4][3], const qs_ob
 /* The answer to what cannot be filtered. */
 static void answer_with_stop(qs_shield *shield, const qs_real flat[4][3], const qs_real snap[3],
                              qs_answer *answer) {
-    int is_seen = flat && is_usable(flat) && shield->rules.period > 0;
-    carry(shield);
-    if (is_seen) see(shield, flat);
-    shield->before = shield->stop;
+    if (flat && is_usable(flat)) {
+        carry(shield);
+        see(shield, flat);
+    } else predict(shield);
+    shield->before = shield->stop, shield->is_lost = 0;
     refuse(answer);
     answer->stopped = shield->stop.is_stored, shield->chain = 0;
-    qs_vec u = fly_stop(shield, is_seen);
+    qs_vec u = fly_stop(shield);
     qs_real correction = snap ? norm(subtract(u, from3(snap))) : 0;
     write3(answer->snap, u);
     answer->correction = correction <= LARGEST ? correction : 0;
@@ -319,7 +331,7 @@ int qs_filter(qs_shield *shield, const qs_real flat[4][3], const qs_obstacle *ob
     }
     carry(shield);
     see(shield, flat);
-    shield->count = count, shield->before = shield->stop;
+    shield->count = count, shield->before = shield->stop, shield->is_lost = 0;
     bodies all = bodies_ahead(shield, obstacles, count);
     if (filter_row(shield, from3(snap), &all, answer)) {
         close_answer(shield, flat, obstacles, &all, answer);
@@ -333,12 +345,13 @@ int qs_filter(qs_shield *shield, const qs_real flat[4][3], const qs_obstacle *ob
 void qs_backup(qs_shield *shield, qs_real snap[3]) {
     qs_vec u = NOTHING;
     if (shield && shield->is_ready && shield->rules.period > 0) {
-        int last = shield->settings.uncertainty.delay - 1;
-        shield->stop = shield->before;
-        u = fly_stop(shield, 1);
-        shield->before = shield->stop;
-        if (last >= 0) shield->pending[last] = u;
-        else shield->flown = u, shield->followed = shield->rules.period;
+        int is_again = shield->is_lost;
+        if (is_again) predict(shield);
+        else shield->stop = shield->before;
+        u = fly_stop(shield);
+        if (is_again) send(shield, u);
+        else *newest(shield) = u;
+        shield->before = shield->stop, shield->is_lost = 1;
     }
     if (snap) write3(snap, u);
 }

@@ -122,7 +122,7 @@ typedef struct {
 
 /* The memory of one vehicle. Its fields are the shield's own. */
 typedef struct {
-    int is_ready, count, chain;
+    int is_ready, count, chain, is_lost;
     qs_settings settings;
     qs_rules rules;
     qs_stop stop, before;
@@ -156,7 +156,8 @@ qs_obstacle qs_half_space(const qs_real normal[3], qs_real offset);
 /* The safe snap of one control period; flat: position, velocity, acceleration, jerk. */
 int qs_filter(qs_shield *shield, const qs_real flat[4][3], const qs_obstacle *obstacles, int count,
               const qs_real snap[3], qs_real period, qs_answer *answer);
-/* What is flown in place of the last answer, if that was lost: the stop that was stored before it. */
+/* What is flown in place of the last answer, if that was lost: the stop that was stored before it. Called again,
+ * with no qs_filter between, it goes on along that stop by a period, without a measurement. */
 void qs_backup(qs_shield *shield, qs_real snap[3]);
 
 /* The rigid body (29): r, v, attitude from body to world row by row, angular velocity, thrust, its rate. */

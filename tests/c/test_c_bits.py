@@ -127,7 +127,7 @@ def test_the_stored_stop_is_flown_in_these_flights():
 
 
 # A relative error of 1e-13 in a gain moves a vehicle on its stop by less than that.
-@pytest.mark.parametrize("period", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("period", [0.02, 0.05])
 @pytest.mark.parametrize("name", ["limits", "losses", "errors", "delay", "all"])
 def test_gains_and_tubes_to_thirteen_digits(name, period):
     assert numbers_off(library(), FLIGHTS[name]._replace(period=period)) < 1e-13

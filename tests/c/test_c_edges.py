@@ -41,30 +41,26 @@ def test_whatever_comes_in_under_sanitizers(tmp_path, real):
     assert (found.returncode, found.stdout) == (0, "500 rounds\n"), found.stdout + found.stderr
 
 
-def test_it_links_nothing_but_mathematics_and_keeps_no_state(tmp_path):
-    out = tmp_path / "quadsafe.o"
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """The object file of the shield."""
+    out = tmp_path_factory.mktemp("c") / "quadsafe.o"
     subprocess.run([*WARNED, "-O1", "-c", str(ROOT / "c" / "quadsafe.c"), "-o", str(out)], check=True)
-    symbols = [line.split() for line in subprocess.check_output(["nm", str(out)], text=True).splitlines()]
+    return str(out)
+
+
+def test_it_links_nothing_but_mathematics_and_keeps_no_state(compiled):
+    symbols = [line.split() for line in subprocess.check_output(["nm", compiled], text=True).splitlines()]
     assert {name for *_, kind, name in symbols if kind == "U"} <= LIBM | STRINGS
     assert not [name for *_, kind, name in symbols if kind in "bBdDC"]
     shown = {name for *_, kind, name in symbols if kind == "T"}
     assert all(name.startswith("qs_") for name in shown) and "qs_filter" in shown
 
 
-def test_the_example_on_board(tmp_path):
-    out, loop = tmp_path / "onboard", ROOT / "examples" / "onboard" / "loop.c"
-    command = [
-        *WARNED,
-        "-O2",
-        f"-I{ROOT / 'c'}",
-        str(loop),
-        str(ROOT / "c" / "quadsafe.c"),
-        "-o",
-        str(out),
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
-    said = subprocess.check_output([str(out)], text=True)
+def test_the_example_on_board(compiled, tmp_path):
+    out, loop = str(tmp_path / "onboard"), str(ROOT / "examples" / "onboard" / "loop.c")
+    subprocess.run([*WARNED, "-O1", f"-I{ROOT / 'c'}", loop, compiled, "-o", out, "-lm"], check=True)
+    said = subprocess.check_output([out], text=True)
     assert "never nearer than 0.00" in said and "at rest at x = 3.99" in said
 
 
@@ -122,6 +118,28 @@ def test_after_any_number_of_bad_calls_the_vehicle_rests():
         flats = after(flats, answers["snap"], PERIOD)
     assert np.abs(flats[0, 1:]).max() < 1e-9
     assert mine.filter(flats, world, np.zeros((1, 3)), PERIOD)[1][0] == DONE
+
+
+def test_a_watchdog_that_asks_again_and_again_brings_the_vehicle_to_rest():
+    mine, flats, world = one()
+    answers, _ = mine.filter(flats, world, np.full((1, 3), 50.0), PERIOD)
+    for _ in range(200):
+        flats = after(flats, mine.backup(np.ones(1, dtype=bool)), PERIOD)
+    assert answers["certified"] and np.abs(flats[0, 1:]).max() < 1e-9
+    assert np.linalg.norm(flats[0, 0] - (2.0, 0.0, 0.0)) > 0.5
+
+
+def test_without_a_stop_or_a_measurement_the_vehicle_brakes():
+    mine = CShields(library(), Shield(), 1)
+    flats, world = np.zeros((1, 4, 3)), mine.library.worlds(Obstacles.spheres([[[0.0, 0.0, 0.0]]], [[1.0]]))
+    flats[0, 1] = 3.0, 0.0, 0.0
+    answers, _ = mine.filter(flats, world, np.zeros((1, 3)), PERIOD)
+    assert not answers["certified"]
+    for _ in range(600):
+        flats = after(flats, answers["snap"], PERIOD)
+        answers, codes = mine.filter(np.full_like(flats, np.nan), world, np.zeros((1, 3)), PERIOD)
+        assert codes[0] == BAD_STATE and not answers["stopped"]
+    assert np.abs(flats[0, 1:]).max() < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -33,13 +33,22 @@ FLIGHTS = {
     "moving spheres": Flight({}, moves=True),
     "shapes": Flight({}, has_shapes=True),
     "moving shapes": Flight(LIMITS, count=4, period=0.02, has_shapes=True, moves=True),
-    "losses": Flight({"uncertainty": {"losses": True}}),
-    "errors": Flight({**LIMITS, "uncertainty": {"snap": 3.0, "acceleration": 0.05, "jerk": 0.5}}, moves=True),
-    "errors and losses among shapes": Flight({"uncertainty": {**ERRORS, "losses": True}}, has_shapes=True),
-    "delay": Flight({"uncertainty": {"position": 0.004, "velocity": 0.02, "delay": 2, "losses": True}}),
-    "lag": Flight({"uncertainty": {"rotor_lag": 0.03}}, has_shapes=True),
+    "losses": Flight({"uncertainty": {"losses": True}}, period=0.02),
+    "errors": Flight(
+        {**LIMITS, "uncertainty": {"snap": 3.0, "acceleration": 0.05, "jerk": 0.5}}, period=0.02, moves=True
+    ),
+    "errors among shapes": Flight(
+        {"uncertainty": {**ERRORS, "losses": True}}, period=0.02, has_shapes=True, moves=True
+    ),
+    "delay": Flight(
+        {"uncertainty": {"position": 0.004, "velocity": 0.02, "delay": 2, "losses": True}}, period=0.02
+    ),
+    "lag": Flight({"uncertainty": {"rotor_lag": 0.03}}, period=0.02, has_shapes=True),
     "all": Flight(
-        {"uncertainty": {**ERRORS, "delay": 1, "losses": True, "rotor_lag": 0.03}}, has_shapes=True, moves=True
+        {"uncertainty": {**ERRORS, "delay": 1, "losses": True, "rotor_lag": 0.03}},
+        period=0.02,
+        has_shapes=True,
+        moves=True,
     ),
 }
 
