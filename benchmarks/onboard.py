@@ -1,6 +1,6 @@
 """The shields of C and Python side by side, on many states: how many answers differ in a bit.
 
-    python benchmarks/c_shield.py [STATES]
+    python benchmarks/onboard.py [STATES]
 
 Prints a table for docs/onboard.md: for each kind of flight that the tests know the answers that were compared,
 how many differ, the largest relative difference of gains and widths, and how long it took.
@@ -15,8 +15,8 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "helpers"), str(ROOT)]
 
-from c_flights import FLIGHTS, fly, numbers_off  # noqa: E402
-from c_shield import library  # noqa: E402
+from c_flights import FLIGHTS, fly, numbers_off  # noqa: E402 # pyright: ignore[reportMissingImports]
+from c_shield import library  # noqa: E402 # pyright: ignore[reportMissingImports]
 
 from quadsafe_core.maths.projection import project_batch  # noqa: E402
 from shields.chains.lower_bound import lower4_batch  # noqa: E402
