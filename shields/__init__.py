@@ -20,6 +20,7 @@ from quadsafe_core.shapes import (
 from shields.interface.filtered import Filtered
 from shields.settings.uncertainty import Uncertainty
 from shields.shield import Shield
+from shields.slot.monitor import Monitor
 from shields.wrapper import ShieldWrapper, VectorShieldWrapper
 
 register_environments()
@@ -58,7 +59,7 @@ _THEORY = {
     "upper_value": "chains.integrator",
 }
 
-__all__ = ["Authority", "Filtered", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
+__all__ = ["Authority", "Filtered", "Monitor", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
 __all__ += list(_THEORY)  # pyright: ignore[reportUnsupportedDunderAll]
 

@@ -87,6 +87,9 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     | `certified`                    | whether a clear stop was stored throughout (never with method "cbf")  |
     | `surprised`                    | whether a state came that the last one and the declared errors do not |
     |                                | allow; the first time with a RuntimeWarning                           |
+    | `beyond`                       | by how much which declared bound was too small for it, the first time |
+    |                                | in the step: {"position": m, "wind": m/s², "acceleration": m/s²,      |
+    |                                | "snap": m/s⁴, "jitter": of the period}, 0 where nothing was           |
 
     Args:
         env: the environment; ``env.unwrapped`` has the slot.
