@@ -14,7 +14,7 @@ alone.
 """
 
 from abc import ABC, abstractmethod
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from quadsafe_core.checks import exact_array, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, scale, subtract
 from quadsafe_env.disturbances.rotor_lag import lag_lead
+from quadsafe_env.plants.measured import measured_of
 from quadsafe_env.plants.plant import steps_in
 from quadsafe_env.vehicle.actions import YAW_RATE_POLE
 from quadsafe_env.vehicle.authority import yaw_range
@@ -117,6 +118,23 @@ class RotorPlant(ABC):
         self._loop = Loop(params, levers(params), self.lag, self.step, lead, damping, yaw)
         self._asked, self._commands = np.zeros(2), np.zeros(4)
         self.saturated = 0
+
+    def identity(self) -> dict[str, Any]:
+        """What tells one plant from another; JSON can hold it."""
+        return {
+            "kind": type(self).__name__,
+            "step": self.step,
+            "lag": self.lag,
+            "params": {name: getattr(self.params, name) for name in self.params._fields},
+        }
+
+    def uncertainty(self) -> dict[str, Any]:
+        """What was measured of this plant: keyword arguments of ``shields.Uncertainty``.
+
+        Raises:
+            ValueError: if nothing was, as with another step, lag or vehicle.
+        """
+        return measured_of(self.identity())
 
     @abstractmethod
     def place(self, body: Array, thrusts: Array) -> None:
