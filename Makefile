@@ -44,7 +44,7 @@ test-wheel: setup
 test-plants:
 	test -x $(PLANTS)/bin/python || $(PYTHON) -m venv $(PLANTS)
 	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow]" "pytest>=8"
-	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest tests/quadsafe_env/plants/test_crazyflow_plant.py
+	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py)
 
 docs: setup
 	$(BIN)/mkdocs build --strict
