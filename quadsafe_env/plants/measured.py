@@ -1,15 +1,32 @@
 """What was measured of the plants here: the JSON files beside this one, written by ``train.py calibrate``.
 
-Which plant a file is of, its ``measured.plant`` says, as ``quadsafe_env.plants.on_board.RotorPlant.identity``.
+Which plant a file is of, its ``measured.plant`` says, as ``Measured.identity``.
 """
 
 import json
 import math
+from abc import ABC, abstractmethod
 from importlib.resources import files
 from typing import Any
 
 # Numbers that the plants compute from those that are published may differ in the last digits elsewhere.
 ALIKE = 1e-9
+
+
+class Measured(ABC):
+    """A plant of which files may tell what was measured."""
+
+    @abstractmethod
+    def identity(self) -> dict[str, Any]:
+        """What tells it from another: "kind", "params" and more; JSON can hold it."""
+
+    def uncertainty(self) -> dict[str, Any]:
+        """What was measured of this plant: keyword arguments of ``shields.Uncertainty``.
+
+        Raises:
+            ValueError: if nothing was, as with another step or vehicle.
+        """
+        return measured_of(self.identity())
 
 
 def measured_of(identity: dict[str, Any]) -> dict[str, Any]:
@@ -50,7 +67,9 @@ def _difference(identity: dict[str, Any], others: list[dict[str, Any]]) -> str:
 
 
 def _differing(identity: dict[str, Any], other: dict[str, Any]) -> list[str]:
-    here, there = ({"step": one["step"], "lag": one["lag"], **one["params"]} for one in (identity, other))
+    here, there = (
+        {**{name: one[name] for name in one if name != "params"}, **one["params"]} for one in (identity, other)
+    )
     return [name for name in here if not _is_alike(there.get(name), here[name])]
 
 
