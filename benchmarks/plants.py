@@ -31,6 +31,7 @@ PLANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "rotorpy": ("rotorpy", {}),
     "rotorpy hummingbird": ("rotorpy", {"vehicle": "hummingbird"}),
     "crazyflow": ("crazyflow", {}),
+    "betaflight": ("betaflight", {}),
 }
 PERIOD, SECONDS, FACTOR, SPEED, POLE = 0.01, 4.0, 1.25, 2.0, 6.0
 Floats = NDArray[np.float64]
@@ -115,10 +116,9 @@ def to_goals(rng: np.random.Generator) -> Pilot:
     return pilot
 
 
-def among(name: str, count: int, shield: Shield | None) -> list[Flight]:
+def among(name: str, plant: Any, count: int, shield: Shield | None) -> list[Flight]:
     """Flights in scenes; MuJoCo's own contacts must say the same as the clearance."""
     found, (kind, options) = [], PLANTS[name]
-    plant: Any = make_plant(kind, **options)
     for i in range(count):
         rng = np.random.default_rng([3, i])
         bodies, start = scene(rng)
@@ -162,7 +162,7 @@ def measure(name: str, count: int, scenes: int) -> None:
     for words, shield in arms:
         report(name, words, lambda shield=shield: flights(plant, count, shield), plant.lag)
     for words, shield in arms if scenes else ():
-        report(f"{name}, scenes", words, lambda shield=shield: among(name, scenes, shield), plant.lag)
+        report(f"{name}, scenes", words, lambda shield=shield: among(name, plant, scenes, shield), plant.lag)
 
 
 def report(name: str, told: str, flown: Callable[[], list[Flight]], lag: float) -> None:
