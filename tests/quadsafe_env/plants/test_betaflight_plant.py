@@ -35,11 +35,6 @@ def plant():
     plant.close()
 
 
-@pytest.fixture
-def impatient(monkeypatch):
-    monkeypatch.setattr("quadsafe_env.plants.sitl.PATIENCE", 0.3)
-
-
 def test_the_flat_state_of_a_reset_is_the_one_asked_for(plant):
     flat = np.random.default_rng(1).uniform(-1.0, 1.0, (4, 3)) * [[1.0], [2.0], [4.0], [15.0]]
     plant.reset(flat)
@@ -92,15 +87,19 @@ def test_sticks_that_are_at_their_end_are_counted(plant):
 @pytest.mark.parametrize(
     ("how", "says"), [(signal.SIGKILL, "must run on, it ended"), (signal.SIGSTOP, "it is silent")]
 )
-def test_a_firmware_that_dies_or_is_silent_is_a_sentence_and_leaves_nothing_behind(plant, impatient, how, says):
+def test_a_firmware_that_dies_or_is_silent_is_a_sentence_and_leaves_nothing_behind(
+    plant, monkeypatch, how, says
+):
     plant.reset(np.zeros((4, 3)))
     firmware = plant._sitl.process
     firmware.send_signal(how)
+    monkeypatch.setattr("quadsafe_env.plants.sitl.PATIENCE", 0.3)
     with pytest.raises(RuntimeError, match=says):
         plant.fly(np.zeros(3), 0.01)
     assert firmware.returncode is not None
     with pytest.raises(RuntimeError, match="make another plant"):
         plant.reset(np.zeros((4, 3)))
+    monkeypatch.undo()
     # Its ports are free.
     make_plant("betaflight").close()
 
