@@ -7,8 +7,8 @@ Every second of a flight is one of
     vertical   all of the speed, up or down
     hover      no velocity
     step       the velocity that was, and for the first fifth of the second a snap on top
-    chatter    every fifth of the second all of the speed along a new direction: what follows one has not settled
-               when the next one comes, as where a shield and its pilot do not agree
+    chatter    every fifth of the second all of the speed along a new direction: what follows one has not
+               settled when the next one comes, as where a shield and its pilot do not agree
 
 The first is a turn at all of the speed.
 """
