@@ -40,6 +40,7 @@ PLANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "rotorpy hummingbird": ("rotorpy", {"vehicle": "hummingbird"}),
     "crazyflow": ("crazyflow", {}),
     "crazyflow fitted": ("crazyflow_fitted", {}),
+    "betaflight": ("betaflight", {}),
 }
 KINDS, ARMS = ("sphere", "scenes"), ("off", "untold", "told")
 PERIOD, SECONDS, SPEED, POLE = 0.01, 4.0, 2.0, 6.0
