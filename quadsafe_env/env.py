@@ -204,7 +204,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return self._world.picture(0) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the window of the mode "human"."""
+        """Close the window of the mode "human", and a plant that others wrote."""
         self._world.close()
 
     def flat_state(self) -> NDArray[np.float64]:
