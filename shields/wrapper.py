@@ -87,6 +87,9 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
     | `certified`                    | whether a clear stop was stored throughout (never with method "cbf")  |
     | `surprised`                    | whether a state came that the last one and the declared errors do not |
     |                                | allow; the first time with a RuntimeWarning                           |
+    | `beyond`                       | by how much which declared bound was too small for it, the first time |
+    |                                | in the step: {"position": m, "wind": m/s², "acceleration": m/s²,      |
+    |                                | "snap": m/s⁴, "jitter": of the period}, 0 where nothing was           |
 
     Args:
         env: the environment; ``env.unwrapped`` has the slot.
@@ -103,7 +106,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
             thrust band, and with "proved" snap, jerk and ``uncertainty.snap``. ``authority="vehicle"`` stands
             for the plant's own, ``env.unwrapped.authority()``, taken by itself where the plant limits its
             rotors; ``uncertainty="conditions"`` for the bounds of its conditions,
-            ``env.unwrapped.uncertainty()``.
+            ``env.unwrapped.uncertainty()``; ``uncertainty="plant"`` for what was measured of a plant that
+            others wrote, ``env.unwrapped.plant.uncertainty()``.
 
     Raises:
         TypeError: if the environment has no slot.

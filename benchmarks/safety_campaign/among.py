@@ -24,6 +24,8 @@ ROWS = 64  # vehicles among the same shapes
 FAR = 2.8
 # A pilot thinks again so often, s.
 PATIENCE = 0.6
+# What a tally counts of info["shield"].
+COUNTED = ("interventions", "refusals", "stopped", "certified")
 
 
 class Among(NamedTuple):
@@ -144,7 +146,7 @@ class Counted(Tally):
         rows = self._counts
         told = {name: value[rows] for name, value in info.items() if name in ("cost", "crash", "out_of_bounds")}
         if "shield" in info:
-            told["shield"] = {name: value[rows] for name, value in info["shield"].items()}
+            told["shield"] = {name: info["shield"][name][rows] for name in COUNTED}
         least, violated = self.least, self._violated
         self.least, self._violated = least[rows], violated[rows]
         super().add({**told, "clearance": info["clearance"][rows]}, np.zeros(rows.sum(), dtype=np.bool_))

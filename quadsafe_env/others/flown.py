@@ -1,4 +1,4 @@
-"""What plants of others did in a control period, taken over row by row; ``batches.advance_batch`` flies ours."""
+"""What plants of others did in a control period, taken over row by row."""
 
 import numpy as np
 

@@ -103,6 +103,8 @@ ADAPTERS = {
     "mujoco": Adapter("quadsafe_env.plants.mujoco_plant", "MujocoPlant", "mujoco"),
     "rotorpy": Adapter("quadsafe_env.plants.rotorpy_plant", "RotorpyPlant", "rotorpy"),
     "crazyflow": Adapter("quadsafe_env.plants.crazyflow_plant", "CrazyflowPlant", "crazyflow"),
+    "crazyflow_fitted": Adapter("quadsafe_env.plants.crazyflow_fitted", "CrazyflowFittedPlant", "crazyflow"),
+    "betaflight": Adapter("quadsafe_env.plants.betaflight_plant", "BetaflightPlant", "betaflight"),
 }
 
 
@@ -110,10 +112,9 @@ def make_plant(name: str, **options: Any) -> Plant:
     """A plant by its name.
 
     Args:
-        name: "mujoco", "rotorpy" or "crazyflow".
-        **options: keyword arguments of its class, ``quadsafe_env.plants.mujoco_plant.MujocoPlant``,
-            ``quadsafe_env.plants.rotorpy_plant.RotorpyPlant`` or
-            ``quadsafe_env.plants.crazyflow_plant.CrazyflowPlant``.
+        name: one of ``ADAPTERS``.
+        **options: keyword arguments of its class, as ``ADAPTERS`` has it, for example
+            ``quadsafe_env.plants.mujoco_plant.MujocoPlant``.
 
     Raises:
         ImportError: if its package is not installed, with the pip line.

@@ -14,9 +14,9 @@ from quadsafe_core.shapes import Obstacles
 from shields.interface.arguments import row_error, unusable_rows
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE, ROUNDING, TOO_FAR, answers_in
-from shields.slot.info import KEYS, MASKS, STEP, TOLD
+from shields.slot.info import STEP, TOLD, told_of_one, told_of_rows
 from shields.slot.recorded import Floats, RecordedShield
-from shields.slot.surprise import SENTENCE, SHARED, expectation_of, jitter_of, lag_of, watch_row
+from shields.slot.surprise import Expectation, watch_row
 
 
 @kernel
@@ -70,8 +70,7 @@ def count_batch(flat, desired, answer, steps, last, line, shared):
     for i in range(n):
         is_off = watch_row(i, flat, steps[i], lasts, lines, shared[min(i, shared.shape[0] - 1)])
         count_row(i, desired, answers, steps[i])
-        if is_off:
-            steps[i]["surprised"], surprised = True, i
+        surprised = i if is_off else surprised
     return surprised
 
 
@@ -113,12 +112,11 @@ class Recorder:
         self._first, self._count = first, count
         self._begun: NDArray[np.bool_] | None = None
         self._is_named = np.zeros(rows, dtype=np.bool_)
-        self._steps, self._last = np.zeros(rows, dtype=STEP), np.zeros((rows, 4, 3))
-        places = shield.delay + (1 if lag_of(shield.settings) > 0.0 else 0)
-        self._line, self._was_surprised = np.zeros((rows, places, 3)), False
-        self._jitter, self._is_begun, self._is_told = jitter_of(shield.settings), False, False
-        # Where periods differ each row has its own.
-        self._shared, self._period = np.zeros(rows if self._jitter > 0.0 else 1, dtype=SHARED), np.nan
+        self._steps, self._expected = (
+            np.zeros(rows, dtype=STEP),
+            Expectation(shield.settings, shield.delay, rows),
+        )
+        self._was_surprised, self._is_begun, self._is_told = False, False, False
 
     def begin(self) -> None:
         """Open a policy step."""
@@ -126,7 +124,8 @@ class Recorder:
 
     def filter(self, flat: Floats, obstacles: Obstacles, snap: Floats, period: float) -> Filtered:
         """The answer of the shield for (N, …) rows."""
-        if self._jitter > 0.0 and not self._is_told:
+        expected = self._expected
+        if expected.jitter > 0.0 and not self._is_told:
             # A plant that tells nothing holds every answer for the period, or surprises.
             self._note_held(np.full(len(flat), period))
         self._is_told = False
@@ -135,19 +134,14 @@ class Recorder:
             self._has_answered = self._is_begun = True
         except Exception as error:
             answer = self._answer_in_spite_of(error, flat, obstacles, snap, period)
-        if period != self._period:
-            self._shared["most"] = expectation_of(self.shield.settings, period)
-            self._period, self._shared["lag"] = period, lag_of(self.shield.settings)
-            self._shared["period"] = period
-        self._shared["is_first"] = self._periods == 0
-        kept = self._steps, self._last, self._line, self._shared
+        expected.hold(period)
+        expected.shared["is_first"] = self._periods == 0
+        kept = self._steps, expected.last, expected.line, expected.shared
         surprised = self._count(flat, snap, answer.numbers, *kept)
         if surprised >= 0:
-            shared = self._shared[min(surprised, len(self._shared) - 1)]
-            off, most = (np.array2string(shared[name], precision=3) for name in ("off", "most"))
-            self._say_surprise(SENTENCE.format(row=self._first + surprised, off=off, declared=most))
-        if self._jitter > 0.0:
-            self._look_at_clock(period)
+            self._say_surprise(expected.sentence(surprised, self._steps[surprised], self._first))
+        if sentence := expected.late(self._steps, period, self._first):
+            self._say_surprise(sentence)
         self._periods += 1
         return answer
 
@@ -155,18 +149,6 @@ class Recorder:
         if not self._was_surprised:
             warnings.warn(sentence, RuntimeWarning, stacklevel=3)
         self._was_surprised = True
-
-    def _look_at_clock(self, period: float) -> None:
-        """Whether answers were held for as long as was declared."""
-        is_late = np.abs(self._shared["period"] - period) > self._jitter * period * (1.0 + 1e-9)
-        if is_late.any():
-            self._steps["surprised"] |= is_late
-            row = int(np.argmax(is_late))
-            lasted = self._shared["period"][row]
-            self._say_surprise(
-                f"row {self._first + row} held its answer for {lasted:g} s, which is beyond the declared "
-                f"{period:g} s times 1 ± {self._jitter:g}"
-            )
 
     def _answer_in_spite_of(self, error: Exception, flat, obstacles, snap, period: float) -> Filtered:
         """Where single rows are at fault these brake alone, else every row does."""
@@ -197,7 +179,7 @@ class Recorder:
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the shield's memory of these rows, or of all; what they did in this step stays."""
         rows = slice(None) if mask is None else mask
-        self._is_named[rows], self._steps["is_known"][rows], self._line[rows] = False, False, 0.0
+        self._is_named[rows], self._steps["is_known"][rows], self._expected.line[rows] = False, False, 0.0
         self.shield.reset(mask)
         self._is_begun = self._is_begun and mask is not None
         if self._periods == 0:
@@ -222,12 +204,12 @@ class Recorder:
     @property
     def held_for(self) -> Callable[[NDArray[np.float64]], None] | None:
         """What a plant tells for how long it held the last answers, s; None if the shield is not to know."""
-        return self._note_held if self._jitter > 0.0 else None
+        return self._note_held if self._expected.jitter > 0.0 else None
 
     def _note_held(self, seconds: NDArray[np.float64]) -> None:
         self._is_told = True
         if self._is_begun:
-            self._shared["period"] = seconds
+            self._expected.shared["period"] = seconds
             self.shield.held_for(seconds)
 
     def _fly_backup(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -240,9 +222,9 @@ class Recorder:
         """Share of this step's control periods with an intervention, (N,)."""
         return self.steps()["interventions"] / max(self._periods, 1)
 
-    def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
+    def summary(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """What is told of every row, fresh arrays, and the mask behind every ``_key``."""
-        return summary_of(self.steps(), mask)
+        return told_of_rows(self.steps(), mask)
 
     def steps(self) -> NDArray[np.void]:
         """What was done to every row, (N,) ``STEP``, not to be written; nothing where nothing flew."""
@@ -256,9 +238,4 @@ class Recorder:
 
     def summary_of_one(self) -> dict[str, Any]:
         """What is told of the only row, numbers as Python's."""
-        return dict(zip(KEYS, self.steps().copy()[0].item()[:-1], strict=True))
-
-
-def summary_of(steps: NDArray[np.void], mask: NDArray[np.bool_]) -> dict[str, NDArray]:
-    """What is told of rows (N,) ``STEP``, fresh arrays, and the mask behind every ``_key``."""
-    return {key: steps[key].astype(TOLD[key]) for key in KEYS} | dict.fromkeys(MASKS, mask)
+        return told_of_one(self.steps())

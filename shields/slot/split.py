@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import released
-from shields.slot.info import STEP
-from shields.slot.recorder import Recorder, count_batch, summary_of
+from shields.slot.info import STEP, told_of_rows
+from shields.slot.recorder import Recorder, count_batch
 
 
 class SplitShield:
@@ -71,8 +71,8 @@ class SplitRecorder:
         """See ``Recorder.intervened_share``."""
         return np.concatenate([part.intervened_share() for part in self.parts])
 
-    def summary(self, mask: NDArray[np.bool_]) -> dict[str, NDArray]:
+    def summary(self, mask: NDArray[np.bool_]) -> dict[str, Any]:
         """See ``Recorder.summary``."""
         # Copied as bytes: records are copied field by field.
         steps = np.concatenate([part.steps().view(np.uint8) for part in self.parts])
-        return summary_of(steps.view(STEP), mask)
+        return told_of_rows(steps.view(STEP), mask)

@@ -6,7 +6,13 @@ by at most
 
     E + A E + D        entry by entry, A the chain over a period
 
-and where it is off by more, an assumption of the proof has failed: jitter, a lag, a push, a wrong model.
+and where it is off by more, an assumption of the proof has failed: jitter, a lag, a push, a wrong model. Which
+one is not known; what is told is the declared bound that would have to be greater for it:
+
+    jitter          a period of another length explains all four
+    snap, wind      j, or v, is off by more, whichever by the greater multiple; over the period
+    acceleration    only a, or a and r, are
+    position        only r is
 """
 
 import math
@@ -17,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import inline_kernel, kernel
-from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, triple, vector, write3
+from quadsafe_core.kernels.vec3 import combined, dot, norm, scale, subtract, triple, vector, write3
 from quadsafe_core.maths.lag import lag_shares
 from shields.backup.stored_stop import NOTHING
 from shields.chains.flat_state import Flat, flown, write_flat
@@ -26,6 +32,7 @@ from shields.methods.flight_bounds import bounds_of
 from shields.settings.chain import added_over, chain_over
 from shields.settings.tube import wrong_in
 from shields.settings.uncertainty import Uncertainty, checked_uncertainty, lag_told
+from shields.slot.info import FIELDS, UNITS
 
 # Where nothing is declared: what the margin was measured to cover, m/s⁴ (``benchmarks/robustness.py``).
 MEASURED_SNAP = 15.0
@@ -33,8 +40,10 @@ MEASURED_SNAP = 15.0
 ROUNDING = 1e-9
 SENTENCE = (
     "the state that came is not the one predicted from the last: row {row} is off by {off} in r, v, a and j, "
-    "beyond the declared {declared}; what flies it is not what the shield was told"
+    "beyond the declared {declared}; what flies it is not what the shield was told: "
+    "uncertainty.{field} is too small by {amount:.3g} {unit}"
 )
+POSITION, WIND, ACCELERATION, SNAP, JITTER = range(len(FIELDS))
 # What is the same of all rows in a control period.
 SHARED = np.dtype(
     [
@@ -42,6 +51,7 @@ SHARED = np.dtype(
         ("off", "f8", (4,)),  # how far the row was that was surprised last, SI
         ("period", "f8"),  # for which the last answer was held, s
         ("lag", "f8"),  # s
+        ("jitter", "f8"),  # as declared, a share of the period
         ("is_first", "?"),  # whether a policy step begins
     ],
     align=True,
@@ -70,6 +80,56 @@ def expected(x, snap, lagged, times):
     )
 
 
+@kernel
+def apart(x, p):
+    """How far two flat states are apart in r, v, a and j."""
+    return (
+        norm(subtract(x.r, p.r)),
+        norm(subtract(x.v, p.v)),
+        norm(subtract(x.a, p.a)),
+        norm(subtract(x.j, p.j)),
+    )
+
+
+@kernel
+def is_within(off, most, p):
+    """Whether differences (4,) from a prediction are within bounds (4,)."""
+    sizes = (norm(p.r), norm(p.v), norm(p.a), norm(p.j))
+    for order in range(4):
+        if not off[order] <= most[order] + ROUNDING * (1.0 + sizes[order]):
+            return False
+    return True
+
+
+@kernel
+def slip(x, was, p, flight, most):
+    """By how much longer a period would explain the state that came, s; 0 where none does.
+
+    ``flight`` are the snap, the one behind the lag, and (Δ, T).
+    """
+    snap, lagged, times = flight
+    later = dot(subtract(x.r, p.r), p.v) / max(dot(p.v, p.v), 1e-12)
+    if not -0.9 * times[0] < later < 9.0 * times[0]:
+        return 0.0
+    other = expected(was, snap, lagged, (times[0] + later, times[1]))
+    return later if is_within(apart(x, other), most, other) else 0.0
+
+
+@kernel
+def beyond(off, most, later, period, jitter):
+    """Which of ``FIELDS`` is too small, and by how much, of a state that is off by more than it may be."""
+    if later != 0.0:
+        return JITTER, max(abs(later) / period - jitter, 0.0)
+    if not off[0] + off[1] + off[2] + off[3] < math.inf:
+        return POSITION, math.inf
+    over = (max(off[0] - most[0], 0.0), max(off[1] - most[1], 0.0), max(off[2] - most[2], 0.0))
+    if off[3] > most[3] and off[3] * most[1] >= off[1] * most[3]:
+        return SNAP, (off[3] - most[3]) / period
+    if over[1] > 0.0:
+        return WIND, over[1] / period
+    return (ACCELERATION, over[2]) if over[2] > 0.0 else (POSITION, over[0])
+
+
 @inline_kernel
 def watch_row(i, flat, step, last, line, shared):
     """Compare row i with its prediction, remember it; whether it was off by more than it may be.
@@ -92,16 +152,15 @@ def watch_row(i, flat, step, last, line, shared):
         lagged = triple(line, i, 0) if first > 0 else snap
         times = (shared["period"], shared["lag"])
         p = expected(was, snap, lagged, times)
-        off = (
-            norm(subtract(x.r, p.r)),
-            norm(subtract(x.v, p.v)),
-            norm(subtract(x.a, p.a)),
-            norm(subtract(x.j, p.j)),
-        )
-        for order in range(4):
-            is_off |= not off[order] <= most[order] + ROUNDING * (1.0 + norm(p[order]))
+        off = apart(x, p)
+        is_off = not is_within(off, most, p)
         if is_off:
             told[0], told[1], told[2], told[3] = off
+            if not step["surprised"]:
+                later = slip(x, was, p, (snap, lagged, times), most)
+                field, amount = beyond(off, most, later, times[0], shared["jitter"])
+                step["beyond_field"], step["beyond"] = field, amount
+            step["surprised"] = True
         if first > 0:
             write3(line[i, 0], mean_snap(0, snap, lagged, times))
     write_flat(last[i], x)
@@ -111,6 +170,53 @@ def watch_row(i, flat, step, last, line, shared):
     if places > first:
         write3(line[i, places - 1], sent)
     return is_off
+
+
+class Expectation:
+    """What is remembered of N rows to predict their next samples.
+
+    ``last``, ``line`` and ``shared`` are what ``watch_row`` takes; where periods differ each row has its own.
+    """
+
+    def __init__(self, settings: Mapping[str, Any], delay: int, rows: int):
+        declared = settings["uncertainty"]
+        self._settings, self._period = settings, math.nan
+        self._lag = 0.0 if declared is None else lag_told(Uncertainty(**declared)).told
+        self.jitter = 0.0 if declared is None else declared["jitter"]
+        self.last = np.zeros((rows, 4, 3))
+        self.line = np.zeros((rows, delay + (1 if self._lag > 0.0 else 0), 3))
+        self.shared = np.zeros(rows if self.jitter > 0.0 else 1, dtype=SHARED)
+
+    def hold(self, period: float) -> None:
+        """The answers to come are held for a period, s."""
+        if period == self._period:
+            return
+        self.shared["most"], self._period = expectation_of(self._settings, period), period
+        self.shared["lag"], self.shared["jitter"], self.shared["period"] = self._lag, self.jitter, period
+
+    def late(self, steps: NDArray[np.void], period: float, first: int = 0) -> str:
+        """What is said if answers were held for longer or shorter than was declared, and "" if none was."""
+        if self.jitter == 0.0:
+            return ""
+        lasted = self.shared["period"]
+        is_late = np.abs(lasted - period) > self.jitter * period * (1.0 + 1e-9)
+        steps["surprised"] |= is_late
+        steps["beyond_field"][is_late] = JITTER
+        steps["beyond"][is_late] = np.abs(lasted[is_late] / period - 1.0) - self.jitter
+        row = int(np.argmax(is_late))
+        return (
+            f"row {first + row} held its answer for {lasted[row]:g} s, which is beyond the declared "
+            f"{period:g} s times 1 ± {self.jitter:g}"
+            if is_late[row]
+            else ""
+        )
+
+    def sentence(self, row: int, step: NDArray[np.void], first: int = 0) -> str:
+        """What is said of a row that surprised, whose ``STEP`` this is; ``first`` is the number of row 0."""
+        shared, field = self.shared[min(row, len(self.shared) - 1)], FIELDS[step["beyond_field"]]
+        off, most = (np.array2string(shared[name], precision=3) for name in ("off", "most"))
+        told = {"field": field, "amount": float(step["beyond"]), "unit": UNITS[field]}
+        return SENTENCE.format(row=first + row, off=off, declared=most, **told)
 
 
 def expectation(declared: Uncertainty | None, period: float, snap_max: float) -> NDArray[np.float64]:
@@ -127,18 +233,6 @@ def expectation(declared: Uncertainty | None, period: float, snap_max: float) ->
     # The snap behind a lag in an interval is off by so much.
     off = added_over(longest, wrong_in(told, period, snap_max).seldom.most, 0.0) + step @ known.seldom.push
     return (known.error + step @ known.error + known.added + off) * (1.0 + 1e-6)
-
-
-def lag_of(settings: Mapping[str, Any]) -> float:
-    """The lag that a shield of these settings was told, s."""
-    declared = settings["uncertainty"]
-    return 0.0 if declared is None else lag_told(Uncertainty(**declared)).told
-
-
-def jitter_of(settings: Mapping[str, Any]) -> float:
-    """The share by which the period of a shield of these settings may be longer or shorter."""
-    declared = settings["uncertainty"]
-    return 0.0 if declared is None else declared["jitter"]
 
 
 def expectation_of(settings: Mapping[str, Any], period: float) -> NDArray[np.float64]:

@@ -7,7 +7,7 @@ import pytest
 from test_docs import ROOT, names_in
 
 from quadsafe_env.simulation.episode import INFO_KEYS
-from shields.slot.recorder import KEYS
+from shields.slot.info import STEP
 
 PAGE = ROOT / "docs/theory/assumptions.md"
 STATUSES = re.compile(r"enforced|watched, `(\w+)`|a limit")
@@ -33,7 +33,7 @@ def test_a_row_is_enforced_or_watched_or_a_limit(row):
     found = STATUSES.fullmatch(status)
     assert found, status
     for key in re.findall(r"watched, `(\w+)`", f"{status} {failing}"):
-        assert key in KEYS or key in INFO_KEYS
+        assert key in STEP.names or key in INFO_KEYS
     if status == "a limit":
         assert keeper == test == "–"
         return

@@ -12,6 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
+from told import row_of
 
 import quadsafe_env  # noqa: F401 - registers the ids
 from quadsafe_core.shapes import Obstacles
@@ -22,7 +23,9 @@ from shields.slot.info import shield_in
 AVOID = "QuadSafe/Avoid-v0"
 SNAP = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float32)
 FLAT = np.array([[2.0, 0, 0], [-1.0, 0, 0], [0, 0, 0], [0, 0, 0]])
+FIELDS = {"position", "wind", "acceleration", "snap", "jitter"}
 KEYS = {
+    "beyond",
     "surprised",
     "snap_desired",
     "snap_applied",
@@ -154,7 +157,10 @@ def test_info_describes_the_policy_step():
         "stopped": bool,
         "certified": bool,
         "surprised": bool,
+        "beyond": dict,
     }
+    # The echo is where it was, whatever is flown: 1 m/s for 0.01 s.
+    assert shield["beyond"] == {**dict.fromkeys(FIELDS, 0.0), "position": pytest.approx(0.01)}
 
 
 @pytest.mark.interpreted
@@ -249,8 +255,10 @@ def test_vector_rows_equal_single_envs():
         single.reset()
         _, reward, _, _, single_info = single.step(action)
         assert rewards[i] == reward
+        expected = row_of(info["shield"], i)
         for key, value in single_info["shield"].items():
-            assert np.array_equal(info["shield"][key][i], value, equal_nan=key == "snap_desired")
+            assert key == "beyond" or np.array_equal(expected[key], value, equal_nan=key == "snap_desired")
+        assert expected["beyond"] == single_info["shield"]["beyond"]
     masked = KEYS | {f"_{key}" for key in KEYS}
     assert set(info["shield"]) == set(reset_info["shield"]) == masked
     assert info["_shield"].all()
@@ -286,16 +294,26 @@ def test_vector_wrapper_has_no_spec_and_can_be_removed():
     assert twin.unwrapped.is_shielded
 
 
+NAMES = {f"shield/{key}" for key in KEYS - {"beyond"}} | {f"shield/beyond/{field}" for field in FIELDS}
+
+
 def as_flat(summary):
     """The entries of a nested summary under their flat names."""
-    return {f"_shield/{key[1:]}" if key[0] == "_" else f"shield/{key}": entry for key, entry in summary.items()}
+    found = {}
+    for key, entry in summary.items():
+        mark, name = key[: key[0] == "_"], key.lstrip("_")
+        if isinstance(entry, dict):
+            found |= {f"{'_' * (k[0] == '_')}shield/{name}/{k.lstrip('_')}": e for k, e in entry.items()}
+        elif name != "beyond":
+            found[f"{mark}shield/{name}"] = entry
+    return found
 
 
 @pytest.mark.interpreted
 def test_flat_info_of_one_plant_is_the_nested_one_under_other_names():
     nested, flat = ShieldWrapper(EchoEnv()), ShieldWrapper(EchoEnv(), info_format="flat")
     for (*_, told), (*_, info) in ((nested.reset(), flat.reset()), (nested.step(ATTACK), flat.step(ATTACK))):
-        assert set(info) == {"cost"} | {f"shield/{key}" for key in KEYS}
+        assert set(info) == {"cost"} | NAMES
         assert data_equivalence(info, {"cost": 0.0, **as_flat(told["shield"])}, exact=True)
         assert shield_in(info).keys() == told["shield"].keys() == KEYS
         assert data_equivalence(shield_in(info), shield_in(told), exact=True)
@@ -310,7 +328,7 @@ def test_flat_info_of_rows_has_a_mask_beside_every_entry_and_nests_nothing_but_f
         VectorShieldWrapper(EchoVectorEnv()),
         VectorShieldWrapper(EchoVectorEnv(), info_format="flat"),
     )
-    names = {name for key in KEYS for name in (f"shield/{key}", f"_shield/{key}")}
+    names = NAMES | {f"_{name}" for name in NAMES}
     for (*_, told), (*_, info) in ((nested.reset(), flat.reset()), (nested.step(actions), flat.step(actions))):
         assert set(info) - {"final_info", "_final_info"} == names
         for inside, expected in ((info, told), (info.get("final_info"), told.get("final_info"))):
@@ -495,8 +513,9 @@ def test_real_vector_rows_equal_single_envs_also_across_a_reset():
         for i, single in enumerate(singles):
             _, reward, end, cut, single_info = single.step(actions[i])
             assert (rewards[i], terminated[i], truncated[i]) == (reward, end, cut)
+            expected = row_of(info["shield"], i)
             for key, value in single_info["shield"].items():
-                assert np.array_equal(info["shield"][key][i], value), (step, key)
+                assert np.array_equal(expected[key], value), (step, key)
             seen["interventions"] += single_info["shield"]["interventions"]
             if end or cut:
                 seen["resets"] += 1

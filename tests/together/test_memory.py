@@ -12,7 +12,7 @@ import pytest
 from shields import VectorShieldWrapper
 
 # Of a row among one sphere, and what each further sphere adds.
-ROW, SPHERE = 716, 72
+ROW, SPHERE = 724, 72
 # Rows that are reset in a step, and the heads of arrays.
 SLACK = 4
 MANY = """

@@ -153,6 +153,7 @@ def test_the_native_vector_env_has_a_plant_for_each_row_and_goes_on_from_snapsho
     envs = gymnasium.make_vec("QuadSafe/Rooms-v0", 3, plant="mujoco")
     shielded, env = VectorShieldWrapper(envs, uncertainty=TOLD), made("Rooms")
     single = ShieldWrapper(env, uncertainty=TOLD)
+    assert ShieldWrapper(made(), uncertainty="plant").shield is not None
     np.testing.assert_array_equal(shielded.reset(seed=5)[0][2], single.reset(seed=7)[0])
     for action in np.random.default_rng(0).uniform(-1, 1, (20, 3, 4)):
         seen = shielded.step(action)[0]
