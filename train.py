@@ -9,12 +9,15 @@ python train.py report RUN       tables and figures again, from the CSV files of
 python train.py watch RUN        a flight of one of its agents, in a window or as a video
 python train.py watch M:NAME     a flight of a policy of yours
 python train.py map FILE         a map of obstacles, with the straight ways of 50 scenes
+python train.py calibrate        what a shield is to be told of a plant that others wrote
 """
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from agents.experiment.command_line import (
+    Calibrate,
     Evaluate,
     Export,
     Map,
@@ -131,24 +134,31 @@ def draw_map(command: Map) -> int:
     return 0
 
 
+def calibrate(command: Calibrate) -> int:
+    """Measure what a shield is to be told of a plant; 1 where there is nothing that it can be told."""
+    from agents.measure import calibration
+
+    with errors_as_sentences():
+        words, is_good = calibration.calibrated(command)
+    print(words)
+    return int(not is_good)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of the process."""
     with errors_as_sentences():
         command = parse(arguments)
+    commands: dict[type, Callable[[Any], int]] = {
+        Train: train,
+        Evaluate: evaluate,
+        Export: export,
+        Report: report,
+        Watch: watch,
+        Map: draw_map,
+        Calibrate: calibrate,
+    }
     with interrupts_end_quietly():
-        match command:
-            case Evaluate():
-                return evaluate(command)
-            case Export():
-                return export(command)
-            case Report():
-                return report(command)
-            case Watch():
-                return watch(command)
-            case Map():
-                return draw_map(command)
-            case Train():
-                return train(command)
+        return commands[type(command)](command)
 
 
 if __name__ == "__main__":

@@ -84,12 +84,13 @@ def built(home: Path) -> Path:
 
 
 def look_inside(wheel: Path) -> None:
-    """The wheel has every module and ``py.typed``, nothing else, and says what it is."""
+    """The wheel has every module, ``py.typed`` and the plants' files, nothing else, and says what it is."""
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         (about,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
         metadata = Parser().parsestr(archive.read(about).decode("utf-8"))
     tree = {path.relative_to(ROOT).as_posix() for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
+    tree |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "quadsafe_env/plants").glob("*.json")}
     expected = tree | {"train.py"} | {f"{name}/py.typed" for name in PACKAGES}
     assert names == expected, (
         f"the wheel must have the modules of the tree, differs in {sorted(names ^ expected)[:9]}"

@@ -1,20 +1,27 @@
-"""Plants that others wrote, flown straight at a sphere: without a shield, with one that is told nothing, told.
+"""Plants that others wrote, flown at bodies: without a shield, with one that is told nothing, and told.
 
-    python benchmarks/plants.py                          # those that are installed, 50 flights each
-    python benchmarks/plants.py mujoco --flights 200 --scenes 1000
+    python benchmarks/plants.py                          # those that are installed, 1,000 flights an arm
+    python benchmarks/plants.py mujoco --flights 200
     SCIPY_ARRAY_API=1 python benchmarks/plants.py crazyflow
+    python benchmarks/plants.py --table                  # of what was flown, for docs/plants.md
+    python benchmarks/plants.py --out docs/data/plants.csv --table
 
-Velocity commands of 2 m/s: half of the flights head for a goal behind the sphere, up to 0.4 m beside the line
-through its centre, the others for its centre. A known lag is told as ``rotor_lag``. What it leaves is measured
-in as many flights in free space, whose commands turn anywhere every second and whose rotors do not come to a
-stop, and 1.25 times the greatest is told as ``snap`` and ``wind``. ``--scenes`` are flights among three bodies
-by chance, half of them always at the nearest one, the others at goals by chance.
+Velocity commands of 2 m/s, 4 s a flight at 100 Hz. Half of the flights are at one sphere: every other one to a
+goal behind it, up to 0.4 m beside the line through its centre, the others at its centre. The other half is
+among three spheres, boxes and capsules by chance: every other one to goals by chance, the others always at the
+nearest body. What is told was measured by ``train.py calibrate``, ``plant.uncertainty()``. A flight is a line
+of ``logs/plants``: what was flown is not flown again, so a campaign may be cut off anywhere, and several may
+run side by side for other plants. The CSV file ``--out`` has a row for each plant, kind of flights and arm.
 """
 
 import argparse
+import csv
 import itertools
+import json
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,23 +31,40 @@ from scipy.spatial.transform import Rotation
 from agents.measure.statistics import exact_bounds
 from quadsafe_env.plants import Flight, fly, make_plant
 from quadsafe_env.plants.residual import residuals
-from shields import Box, Capsule, Shield, Sphere
+from shields import Box, Capsule, Monitor, Shield, Sphere, Uncertainty
+from shields.settings.uncertainty import lag_told
 
 PLANTS: dict[str, tuple[str, dict[str, Any]]] = {
     "mujoco": ("mujoco", {}),
     "rotorpy": ("rotorpy", {}),
     "rotorpy hummingbird": ("rotorpy", {"vehicle": "hummingbird"}),
     "crazyflow": ("crazyflow", {}),
+    "crazyflow fitted": ("crazyflow_fitted", {}),
+    "betaflight": ("betaflight", {}),
 }
-PERIOD, SECONDS, FACTOR, SPEED, POLE = 0.01, 4.0, 1.25, 2.0, 6.0
+KINDS, ARMS = ("sphere", "scenes"), ("off", "untold", "told")
+PERIOD, SECONDS, SPEED, POLE = 0.01, 4.0, 2.0, 6.0
+FLIGHTS = Path("logs/plants")
 Floats = NDArray[np.float64]
 Pilot = Callable[[Floats], Floats]
-KINDS: tuple[Callable[..., Any], ...] = (
+BODIES: tuple[Callable[..., Any], ...] = (
     lambda rng, at: Sphere(at, rng.uniform(0.2, 0.5)),
     lambda rng, at: Box(at, rng.uniform(0.2, 0.9, 3), rotation=Rotation.from_quat(rng.normal(size=4))),
     lambda rng, at: Capsule(at, at + rng.uniform(-0.7, 0.7, 3), rng.uniform(0.1, 0.3)),
 )
 SPHERE = [0.0, 0.0, 0.0, 0.5]
+# A flight's numbers, and what becomes of them in a row of the table: their name there, and how.
+COLUMNS: dict[str, tuple[str, Callable[[list[float]], float]]] = {
+    "violated": ("violated", sum),
+    "clearance": ("least_clearance", min),
+    "top_speed": ("top_speed", np.mean),
+    "certified": ("certified", np.mean),
+    "saturated": ("saturated_flights", lambda steps: sum(step > 0 for step in steps)),
+    "snap": ("greatest_snap", max),
+    "wind": ("greatest_wind", max),
+    "surprises": ("surprised_flights", lambda found: sum(one > 0 for one in found)),
+    "seconds": ("seconds_a_flight", np.median),
+}
 
 
 def commanded(velocity: Floats, flat: Floats) -> Floats:
@@ -56,42 +80,6 @@ def to(goal: Floats) -> Pilot:
         return commanded(way * min(1.0, SPEED / max(float(np.linalg.norm(way)), 1e-9)), flat)
 
     return pilot
-
-
-def by_chance(rng: np.random.Generator) -> Pilot:
-    """Velocity commands of ``SPEED`` along directions that chance has, a new one every second."""
-    ways = rng.normal(size=(round(SECONDS), 3))
-    ways *= SPEED / np.linalg.norm(ways, axis=1, keepdims=True)
-    periods = itertools.count()
-    return lambda flat: commanded(ways[int(next(periods) * PERIOD)], flat)
-
-
-def flights(plant: Any, count: int, shield: Shield | None) -> list[Flight]:
-    """Half of them through the sphere, half at its centre."""
-    rng, found, timing = np.random.default_rng(2), [], {"seconds": SECONDS, "period": PERIOD}
-    for i in range(count):
-        beside = np.array([0.0, *rng.uniform(-0.4, 0.4, 2)])
-        goal = np.array([2.0, 0.0, 0.0]) + beside if i % 2 else np.zeros(3)
-        found.append(fly(plant, to(goal), [-2.0, *beside[1:]], [SPHERE], shield=shield, **timing))
-    return found
-
-
-def in_free_space(plant: Any, count: int) -> list[Flight]:
-    """Flights by chance without a sphere; those in which a rotor comes to its stop do not count."""
-    rng, found = np.random.default_rng(1), []
-    while len(found) < count:
-        flight = fly(plant, by_chance(rng), np.zeros(3), seconds=SECONDS, period=PERIOD)
-        found += [flight] if plant.saturated == 0 else []
-    return found
-
-
-def scene(rng: np.random.Generator) -> tuple[list[Any], Floats]:
-    """Three spheres, boxes or capsules by chance, and a start 0.4 m from each."""
-    while True:
-        bodies = [KINDS[rng.integers(len(KINDS))](rng, rng.uniform(-1.2, 1.2, 3)) for _ in range(3)]
-        start = rng.uniform(-2.0, 2.0, 3)
-        if min(float(body.distance(start)) for body in bodies) > 0.4:
-            return bodies, start
 
 
 def at_nearest(bodies: list[Any]) -> Pilot:
@@ -115,82 +103,167 @@ def to_goals(rng: np.random.Generator) -> Pilot:
     return pilot
 
 
-def among(name: str, count: int, shield: Shield | None) -> list[Flight]:
-    """Flights in scenes; MuJoCo's own contacts must say the same as the clearance."""
-    found, (kind, options) = [], PLANTS[name]
-    plant: Any = make_plant(kind, **options)
-    for i in range(count):
-        rng = np.random.default_rng([3, i])
-        bodies, start = scene(rng)
-        if kind == "mujoco":
-            plant = make_plant(kind, **options, obstacles=bodies)
-        pilot = to_goals(rng) if i % 2 else at_nearest(bodies)
-        found.append(fly(plant, pilot, start, bodies, seconds=SECONDS, period=PERIOD, shield=shield))
-        if kind == "mujoco" and found[-1].violated != (plant.contacts > 0):
-            raise AssertionError(f"scene {i}: clearance {found[-1].clearance}, {plant.contacts} contacts")
-    return found
+def scene(kind: str, i: int) -> tuple[list[Any], Floats, Pilot]:
+    """Bodies, start and pilot of a flight; the odd ones are by chance, the others attack."""
+    rng = np.random.default_rng([KINDS.index(kind), i])
+    if kind == "sphere":
+        beside = np.array([0.0, *rng.uniform(-0.4, 0.4, 2)])
+        goal = np.array([2.0, 0.0, 0.0]) + beside if i % 2 else np.zeros(3)
+        return [SPHERE], np.array([-2.0, *beside[1:]]), to(goal)
+    while True:
+        bodies = [BODIES[rng.integers(len(BODIES))](rng, rng.uniform(-1.2, 1.2, 3)) for _ in range(3)]
+        start = rng.uniform(-2.0, 2.0, 3)
+        if min(float(body.distance(start)) for body in bodies) > 0.4:
+            return bodies, start, to_goals(rng) if i % 2 else at_nearest(bodies)
 
 
-def greatest(found: list[Flight], lag: float) -> dict[str, float]:
-    """The greatest residual of velocity and jerk, as wind, m/s², and snap, m/s⁴."""
-    rest = np.concatenate([residuals(flight, PERIOD, lag) for flight in found])
-    _, wind, _, snap = np.linalg.norm(rest, axis=2).max(axis=0).tolist()
-    return {"snap": snap, "wind": wind}
+class Cell:
+    """The flights of a plant of one kind in one arm, each a line of a file."""
+
+    def __init__(self, name: str, kind: str, arm: str):
+        self.name, self.kind, self.arm = name, kind, arm
+        self.file = FLIGHTS / f"{name.replace(' ', '_')}_{kind}_{arm}.csv"
+
+    def rows(self) -> list[dict[str, str]]:
+        """What was flown."""
+        if not self.file.exists():
+            return []
+        with self.file.open(newline="", encoding="utf-8") as lines:
+            return list(csv.DictReader(lines))
+
+    def fly(self, count: int) -> None:
+        """Fly what is missing of so many.
+
+        Raises:
+            ValueError: if what is in the file was told otherwise.
+        """
+        flown, (adapter, options) = self.rows(), PLANTS[self.name]
+        plant: Any = make_plant(adapter, **options)
+        told = Uncertainty(**plant.uncertainty())
+        words = json.dumps({name: value for name, value in told._asdict().items() if value})
+        if flown and flown[-1]["told"] != words:
+            raise ValueError(f"{self.file} must be of flights that were told {words}, got {flown[-1]['told']}")
+        shield = {"off": None, "untold": Shield(), "told": Monitor(Shield(uncertainty=told))}[self.arm]
+        for i in range(len(flown), count):
+            bodies, start, pilot = scene(self.kind, i)
+            if adapter == "mujoco":
+                plant = make_plant(adapter, **options, obstacles=bodies)
+            begun, surprises = time.thread_time(), getattr(shield, "surprises", 0)
+            flight = fly(plant, pilot, start, bodies, seconds=SECONDS, period=PERIOD, shield=shield)
+            seconds = time.thread_time() - begun
+            numbers = self._numbers(flight, plant, lag_told(told).told)
+            more = {"surprises": getattr(shield, "surprises", 0) - surprises, "seconds": seconds}
+            self._append({"flight": i, **numbers, **more, "told": words})
+
+    def _numbers(self, flight: Flight, plant: Any, lag: float) -> dict[str, float]:
+        if hasattr(plant, "contacts") and flight.violated != (plant.contacts > 0):
+            raise AssertionError(f"{self.file}: clearance {flight.clearance}, {plant.contacts} contacts")
+        rest = np.linalg.norm(residuals(flight, PERIOD, lag), axis=2).max(axis=0)
+        return {
+            "violated": int(flight.violated),
+            "clearance": flight.clearance,
+            "top_speed": float(np.linalg.norm(flight.flats[:, 1], axis=1).max()),
+            "certified": flight.certified,
+            "saturated": plant.saturated,
+            "snap": float(rest[3]),
+            "wind": float(rest[1]),
+        }
+
+    def _append(self, row: dict[str, Any]) -> None:
+        is_new = not self.file.exists()
+        self.file.parent.mkdir(parents=True, exist_ok=True)
+        with self.file.open("a", newline="", encoding="utf-8") as lines:
+            writer = csv.DictWriter(lines, list(row))
+            if is_new:
+                writer.writeheader()
+            writer.writerow(row)
+
+    def summary(self) -> dict[str, Any]:
+        """The row of the table."""
+        rows = self.rows()
+        found = {name: how([float(row[one]) for row in rows]) for one, (name, how) in COLUMNS.items()}
+        numbers = {name: float(f"{value:.5g}") for name, value in found.items()}
+        where = {"plant": self.name, "kind": self.kind, "arm": self.arm, "flights": len(rows)}
+        return {**where, **numbers, "told": rows[0]["told"]}
 
 
-def row(name: str, told: str, found: list[Flight], seconds: float) -> str:
-    """A line of the table."""
-    violated = sum(flight.violated for flight in found)
-    least, most = exact_bounds(violated, len(found))
-    clearance = min(flight.clearance for flight in found)
-    speed = np.mean([np.linalg.norm(flight.flats[:, 1], axis=1).max() for flight in found])
-    certified = np.mean([flight.certified for flight in found])
+def cells(names: list[str]) -> Iterator[Cell]:
+    """Of some plants."""
+    return itertools.starmap(Cell, itertools.product(names, KINDS, ARMS))
+
+
+def summaries() -> list[dict[str, Any]]:
+    """Of all that was flown."""
+    return [cell.summary() for cell in cells(list(PLANTS)) if cell.rows()]
+
+
+def write_table(file: Path) -> None:
+    rows = summaries()
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with file.open("w", newline="", encoding="utf-8") as lines:
+        writer = csv.DictWriter(lines, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def table(file: Path) -> str:
+    """The tables of docs/plants.md, from the CSV file."""
+    with file.open(newline="", encoding="utf-8") as lines:
+        rows = {(row["plant"], row["kind"], row["arm"]): row for row in csv.DictReader(lines)}
+    lines = [
+        "| plant | flights | no shield: violated | told nothing | told | least clearance, told, mm "
+        "| certified, told, % | mean of top speeds, off / told, m/s | $d$, $w$: most met, told "
+        "| saturated, told | s a flight |",
+        "|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|",
+    ]
+    for name, kind, _ in [key for key in rows if key[2] == "told"]:
+        off, untold, told = (rows.get((name, kind, arm)) for arm in ARMS)
+        if off and untold and told:
+            lines.append(_line(name, kind, (off, untold, told)))
+    return "\n".join(lines)
+
+
+def _line(name: str, kind: str, arms: tuple[dict[str, str], ...]) -> str:
+    off, untold, told = arms
+    numbers = {key: float(value) for key, value in told.items() if key in dict(COLUMNS.values())}
+    speeds = f"{float(off['top_speed']):.2f} / {numbers['top_speed']:.2f}"
+    met = f"{numbers['greatest_snap']:.3g}, {numbers['greatest_wind']:.3g}"
+    certified = math.floor(1e3 * numbers["certified"]) / 10
     return (
-        f"| {name} | {told} | {violated} of {len(found)} [{100 * least:.1f}, {100 * most:.1f} %] | "
-        f"{1e3 * clearance:.0f} | {100 * certified:.1f} | {speed:.2f} | {seconds / len(found):.2f} |"
+        f"| {name} | {kind} | {_count(off)} | {_count(untold)} | {_with_bounds(told)} | "
+        f"{1e3 * numbers['least_clearance']:.0f} | {certified:g} | {speeds} | {met} | "
+        f"{numbers['saturated_flights']:.0f} | {numbers['seconds_a_flight']:.2f} |"
     )
 
 
-def measure(name: str, count: int, scenes: int) -> None:
-    """The lines of a plant, through one sphere and in scenes."""
-    kind, options = PLANTS[name]
-    plant: Any = make_plant(kind, **options)
-    free = greatest(in_free_space(plant, count), plant.lag)
-    told = {"rotor_lag": plant.lag, **{field: FACTOR * value for field, value in free.items()}}
-    print(f"{name}: in free space {_words(free)}; told {_words(told)}", flush=True)
-    arms = (("no shield", None), ("nothing", Shield()), ("told", Shield(uncertainty=told)))
-    for words, shield in arms:
-        report(name, words, lambda shield=shield: flights(plant, count, shield), plant.lag)
-    for words, shield in arms if scenes else ():
-        report(f"{name}, scenes", words, lambda shield=shield: among(name, scenes, shield), plant.lag)
+def _count(row: dict[str, str]) -> str:
+    return f"{float(row['violated']):.0f} of {row['flights']}"
 
 
-def report(name: str, told: str, flown: Callable[[], list[Flight]], lag: float) -> None:
-    """Fly, and print a line."""
-    begun = time.thread_time()
-    found = flown()
-    print(row(name, told, found, time.thread_time() - begun), flush=True)
-    print(f"  greatest in these: {_words(greatest(found, lag))}", flush=True)
-
-
-def _words(numbers: dict[str, float]) -> str:
-    return ", ".join(f"{field} {value:.3g}" for field, value in numbers.items())
+def _with_bounds(row: dict[str, str]) -> str:
+    violated, flights = round(float(row["violated"])), int(row["flights"])
+    least, most = exact_bounds(violated, flights)
+    return f"{_count(row)} [{'≤' if violated == 0 else f'{100 * least:.2f} to'} {100 * most:.2f} %]"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("plants", nargs="*", help=", ".join(PLANTS))
-    parser.add_argument("--flights", type=int, default=50)
-    parser.add_argument("--scenes", type=int, default=0)
+    parser.add_argument("--flights", type=int, default=1000, help="of a plant in each arm")
+    parser.add_argument("--out", type=Path, default=FLIGHTS / "plants.csv", help="CSV file of the cells")
+    parser.add_argument("--table", action="store_true", help="fly nothing, print the table")
     given = parser.parse_args()
-    print("| plant | told | violated | least clearance, mm | certified, % | top speed, m/s | s a flight |")
-    print("|---|---|---|---:|---:|---:|---:|")
-    for name in given.plants or PLANTS:
+    for name in [] if given.table else given.plants or list(PLANTS):
         try:
-            measure(name, given.flights, given.scenes)
+            for cell in cells([name]):
+                cell.fly(given.flights // len(KINDS))
+                print(json.dumps(cell.summary()), flush=True)
         # crazyflow's, where scipy came before its setting.
         except (ImportError, RuntimeError) as error:
             print(f"{name}: left out: {error}")
+    if summaries():
+        write_table(given.out)
+    print(table(given.out))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-/* Settings (shields.settings, quadsafe_core.maths.feedback) */
+/* Gains, the tube of declared errors, checks of settings (quadsafe_core.maths.feedback, shields.settings) */
 #ifndef QS_SETTINGS_H
 #define QS_SETTINGS_H
 
@@ -10,6 +10,7 @@
 #define RECOVERY_POLE 6
 #define EASING_POLE 20
 #define SPARED Q(0.75) /* of the margin, what may not be used up at the border */
+#define MORE (1 + EITHER(1e-7, 1e-5)) /* than the sums: what is left where they end */
 enum { POLES = 29, WEIGHTS = 15, CHUNK = 256, MOST_CHUNKS = 4096 };
 
 /* Gains of y^(n) = -k.(y, ..., y^(n-1)), n of 3 or 4, with every pole of the sampled loop at exp(-p t): k is
@@ -108,11 +109,23 @@ static int has_decayed(qs_real F[4][4], qs_real t) {
     return 1;
 }
 
+/* The widths of a tube: the largest of their control points, and what a period adds; the jerk behind a lag. */
+static void take_sides(tube_of_errors *tube, const qs_real most[WEIGHTS], qs_real lag, qs_real t) {
+    static const int first[5] = {0, 5, 9, 12, 14};
+    for (int i = 0; i < 4; ++i) {
+        tube->deviation[i] = 0;
+        for (int row = first[i]; row < first[i + 1]; ++row)
+            tube->deviation[i] = most_of(tube->deviation[i], most[row] * MORE);
+        tube->deviation[i] += tube->added[i] + (i == 3 ? lag * tube->added[3] / t : 0);
+    }
+    tube->feedback = most[WEIGHTS - 1] * MORE;
+}
+
 /* The tube with every pole of the feedback there; 0 if it does not settle. */
 static int tube_at(qs_real pole, qs_real t, qs_real lag, tube_of_errors *tube) {
     qs_real A[4][4], b[4], F[4][4], power[4][4], next[4], seen[WEIGHTS][4], snap[WEIGHTS], most[WEIGHTS];
     qs_real summed[WEIGHTS], of_noise;
-    int row, ends[4] = {5, 9, 12, 14};
+    int row;
     held_gains(4, pole, t, tube->gains);
     chain_over(t, A, b);
     weights_of(t, seen, snap);
@@ -139,13 +152,7 @@ static int tube_at(qs_real pole, qs_real t, qs_real lag, tube_of_errors *tube) {
             memcpy(power[i], next, sizeof next);
         }
     }
-    for (int i = 0; i < 4; ++i) {
-        tube->deviation[i] = 0;
-        for (row = i ? ends[i - 1] : 0; row < ends[i]; ++row)
-            tube->deviation[i] = most_of(tube->deviation[i], most[row] * (1 + Q(1e-7)));
-        tube->deviation[i] += tube->added[i] + (i == 3 ? lag * tube->added[3] / t : 0);
-    }
-    tube->feedback = most[WEIGHTS - 1] * (1 + Q(1e-7));
+    take_sides(tube, most, lag, t);
     return 1;
 }
 

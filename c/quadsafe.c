@@ -131,8 +131,8 @@ static int filter_row(qs_shield *shield, qs_vec wanted, const bodies *all, qs_an
 /* ---- the shield and its settings ---- */
 
 void qs_defaults(qs_settings *settings) {
-    static const qs_settings defaults = {200,      3, INF, INF,     2,
-                                         Q(0.005), 1, INF, Q(9.81), {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}};
+    static const qs_settings defaults = {
+        200, 3, INF, INF, 2, Q(0.005), 1, INF, Q(9.81), {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}};
     if (settings) *settings = defaults;
 }
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from quadsafe_env.vector_env import QuadrotorVectorEnv
     from quadsafe_env.vehicle.params import QuadrotorParams
     from shields import Authority, Filtered, Monitor, Shield, ShieldWrapper, Uncertainty, VectorShieldWrapper
+    from shields.calibration.calibrate import calibrate
 
 register_environments()
 
@@ -31,7 +32,7 @@ __version__ = version("quadsafe")
 __all__ = ["Authority", "Filtered", "Monitor", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
 __all__ += ["CONDITIONS", "Airframe", "Conditions", "Map", "load_obstacles"]
-__all__ += ["QuadrotorEnv", "QuadrotorParams", "QuadrotorVectorEnv", "load"]
+__all__ += ["QuadrotorEnv", "QuadrotorParams", "QuadrotorVectorEnv", "calibrate", "load"]
 
 # What is not of ``shields``, which shows the shapes too.
 _ELSEWHERE = {

@@ -58,13 +58,15 @@ _THEORY = {
     "sampled_value": "filters.sampled",
     "upper_value": "chains.integrator",
 }
+# What is measured once is late too.
+_LATE = {**_THEORY, "calibrate": "calibration.calibrate"}
 
 __all__ = ["Authority", "Filtered", "Monitor", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
-__all__ += list(_THEORY)  # pyright: ignore[reportUnsupportedDunderAll]
+__all__ += list(_LATE)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _THEORY:
+    if name not in _LATE:
         raise AttributeError(f"module 'shields' has no attribute {name!r}")
-    return getattr(import_module(f"shields.{_THEORY[name]}"), name)
+    return getattr(import_module(f"shields.{_LATE[name]}"), name)

@@ -80,8 +80,8 @@ class Shield(Snapshots):
         gravity: g, m/s² ("sampled"); 9.81.
         authority: what the vehicle can give, an ``Authority`` or a mapping of its fields, in place of the
             settings above but alpha and margin; None for those.
-        uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields
-            ("sampled"); None for none.
+        uncertainty: bounds of what the shield does not know, an ``Uncertainty`` or a mapping of its fields, or
+            the name of a file of ``calibrate``, ending in .json ("sampled"); None for none.
         max_closing_speed: bound of −Ṙ, m/s, or None. "sampled" keeps this and the next two in a period that
             begins within them, along the line of sight at its sample, where the snap is not ``refused``: not
             along a line of sight that turns, nor in a stop. ``certified`` says nothing about them.
@@ -110,7 +110,7 @@ class Shield(Snapshots):
         specific_thrust_max: float | None = None,
         gravity: float | None = None,
         authority: Authority | Mapping[str, float] | None = None,
-        uncertainty: Uncertainty | Mapping[str, Any] | None = None,
+        uncertainty: Uncertainty | Mapping[str, Any] | str | None = None,
         max_closing_speed: float | None = None,
         max_closing_acceleration: float | None = None,
         max_closing_jerk: float | None = None,

@@ -106,7 +106,8 @@ class ShieldWrapper(gymnasium.Wrapper, RecordConstructorArgs):
             thrust band, and with "proved" snap, jerk and ``uncertainty.snap``. ``authority="vehicle"`` stands
             for the plant's own, ``env.unwrapped.authority()``, taken by itself where the plant limits its
             rotors; ``uncertainty="conditions"`` for the bounds of its conditions,
-            ``env.unwrapped.uncertainty()``.
+            ``env.unwrapped.uncertainty()``; ``uncertainty="plant"`` for what was measured of a plant that
+            others wrote, ``env.unwrapped.plant.uncertainty()``.
 
     Raises:
         TypeError: if the environment has no slot.

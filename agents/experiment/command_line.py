@@ -27,7 +27,8 @@ class Train:
     `train.py -i RUN` goes on with a run that was stopped, or adds arms and seeds to it. `train.py evaluate RUN`
     flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
     writes one for other programs, `train.py report RUN` makes its tables and figures again,
-    `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles; each has --help.
+    `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles, `train.py calibrate` measures
+    what a shield is to be told of a plant that others wrote; each has --help.
     `train.py --version` prints the version.
     """
 
@@ -164,14 +165,43 @@ class Map:
         check_positive(self, "flights")
 
 
+@dataclass(frozen=True)
+class Calibrate:
+    """Measure what a shield is to be told of a plant that others wrote, by flights in free space.
+
+    Prints the Uncertainty to declare, and writes it as a JSON file for uncertainty="FILE.json", with a picture
+    of what was asked, what flew, and the bound around it.
+    """
+
+    plant: str = "mujoco"
+    """Name of the plant, see docs/plants.md."""
+    options: Pairs = field(default_factory=dict)
+    """Options of the plant, as vehicle:hummingbird step:0.002."""
+    speed: float = 2.0
+    """Of the velocity commands at most, m/s."""
+    period: float = 0.01
+    """For which a snap is held, s."""
+    flights: int = 32
+    """Flights to measure, and as many to check."""
+    seconds: int = 4
+    """Of each flight."""
+    factor: float = 1.25
+    """On the greatest residuals."""
+    seed: int = 0
+    """Of the excitations."""
+    out: Path = Path("logs/calibrate")
+    """Folder for the JSON file and the picture."""
+
+
 COMMANDS: dict[str, type] = {
     "evaluate": Evaluate,
     "export": Export,
     "report": Report,
     "watch": Watch,
     "map": Map,
+    "calibrate": Calibrate,
 }
-Command = Train | Evaluate | Export | Report | Watch | Map
+Command = Train | Evaluate | Export | Report | Watch | Map | Calibrate
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from quadsafe_core.checks import exact_array, one_of, positive_integer
+from quadsafe_env.plants.measured import Measured
 from quadsafe_env.plants.on_board import state_from_flat
 from quadsafe_env.plants.plant import steps_in
 from quadsafe_env.vehicle.actions import YAW_RATE_POLE
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 MODELS = ("so_rpy_rotor_drag", "so_rpy_rotor")
 
 
-class CrazyflowFittedPlant:
+class CrazyflowFittedPlant(Measured):
     """crazyflow's ``cf21B_500`` by a fitted model, flown by attitude and thrust at every step.
 
     On the CPU and in single precision; the floor of crazyflow's world, z = 0, is taken away. ``saturated``
@@ -54,7 +55,7 @@ class CrazyflowFittedPlant:
         hertz = positive_integer("frequency", frequency)
         model = Dynamics(one_of("dynamics", dynamics, MODELS))
         numbers: dict[str, Any] = load_params(model, Drone.cf21B_500)
-        self.step, self.saturated = 1.0 / hertz, 0
+        self.step, self.saturated, self._dynamics = 1.0 / hertz, 0, model.value
         self.params = params_from(
             PRESETS["crazyflie_brushless"]._replace(
                 mass=float(numbers["mass"]), gravity=float(-numbers["gravity_vec"][2])
@@ -78,6 +79,15 @@ class CrazyflowFittedPlant:
         self._kept = float(np.exp(-self.step * float(numbers["thrust_dyn_coef"])))
         self._range = 4.0 * float(numbers["thrust_min"]), 4.0 * float(numbers["thrust_max"])
         self._thrust_rate = 0.0
+
+    def identity(self) -> dict[str, Any]:
+        """See ``Measured``."""
+        return {
+            "kind": type(self).__name__,
+            "step": self.step,
+            "dynamics": self._dynamics,
+            "params": self.params._asdict(),
+        }
 
     def reset(self, flat: Array) -> None:
         """See ``Plant``.

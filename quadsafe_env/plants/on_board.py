@@ -13,8 +13,8 @@ there; ``RotorPlant.saturated`` counts the steps in which that changed something
 alone.
 """
 
-from abc import ABC, abstractmethod
-from typing import NamedTuple
+from abc import abstractmethod
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from quadsafe_core.checks import exact_array, positive_number
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import add, scale, subtract
 from quadsafe_env.disturbances.rotor_lag import lag_lead
+from quadsafe_env.plants.measured import Measured
 from quadsafe_env.plants.plant import steps_in
 from quadsafe_env.vehicle.actions import YAW_RATE_POLE
 from quadsafe_env.vehicle.authority import yaw_range
@@ -91,7 +92,7 @@ def command_rotors(body, thrusts, snap, asked, loop, out):
     return is_cut or asked[0] != later or lift != collective
 
 
-class RotorPlant(ABC):
+class RotorPlant(Measured):
     """A ``Plant`` of four rotors that lag, under the loop on board.
 
     An adapter says how its simulator is put into a state, what it then measures, and how it does a step. Rotors
@@ -117,6 +118,15 @@ class RotorPlant(ABC):
         self._loop = Loop(params, levers(params), self.lag, self.step, lead, damping, yaw)
         self._asked, self._commands = np.zeros(2), np.zeros(4)
         self.saturated = 0
+
+    def identity(self) -> dict[str, Any]:
+        """See ``Measured``."""
+        return {
+            "kind": type(self).__name__,
+            "step": self.step,
+            "lag": self.lag,
+            "params": self.params._asdict(),
+        }
 
     @abstractmethod
     def place(self, body: Array, thrusts: Array) -> None:

@@ -55,6 +55,7 @@ ADAPTERS = {
     "rotorpy": Adapter("quadsafe_env.plants.rotorpy_plant", "RotorpyPlant", "rotorpy"),
     "crazyflow": Adapter("quadsafe_env.plants.crazyflow_plant", "CrazyflowPlant", "crazyflow"),
     "crazyflow_fitted": Adapter("quadsafe_env.plants.crazyflow_fitted", "CrazyflowFittedPlant", "crazyflow"),
+    "betaflight": Adapter("quadsafe_env.plants.betaflight_plant", "BetaflightPlant", "betaflight"),
 }
 
 

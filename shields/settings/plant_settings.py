@@ -8,9 +8,12 @@ import numpy as np
 
 from quadsafe_core.checks import one_of
 from shields.settings.envelope import checked_plant_numbers, proved_settings
+from shields.settings.uncertainty_file import is_file_name, read_uncertainty
 
 # Settings that a word stands for: the plant has the numbers, by a method of the name of the setting.
 WORDS = MappingProxyType({"authority": "vehicle", "uncertainty": "conditions"})
+# The uncertainty that the plant that others wrote has, ``plant.uncertainty()``.
+OF_ITS_PLANT = "plant"
 INNER_LOOPS = ("proved", "measured")
 
 
@@ -45,12 +48,27 @@ def _numbers(name: str, value: Any, plant: Any) -> Any:
     """The setting, or the plant's own if it is the word for that."""
     if not isinstance(value, str):
         return value
+    if name == "uncertainty" and is_file_name(value):
+        return read_uncertainty(value)
+    if name == "uncertainty" and value == OF_ITS_PLANT:
+        return _of_its_plant(plant)
     word = WORDS[name]
     if value != word:
-        raise ValueError(f"{name} must be {word!r}, {name.title()}, a mapping or None, got {value!r}")
+        more = f"{OF_ITS_PLANT!r}, a file ending in .json, " if name == "uncertainty" else ""
+        raise ValueError(f"{name} must be {word!r}, {more}{name.title()}, a mapping or None, got {value!r}")
     if not hasattr(plant, name):
         raise TypeError(f"env must have {name}() for {name}={word!r}, got {type(plant).__name__}")
     return getattr(plant, name)()
+
+
+def _of_its_plant(plant: Any) -> Any:
+    """What an env's plant that others wrote has to declare."""
+    if not (hasattr(plant, "plant") and hasattr(plant.plant, "uncertainty")):
+        raise TypeError(
+            f"env must have a plant with uncertainty() for uncertainty={OF_ITS_PLANT!r}, "
+            f"got {type(plant).__name__}"
+        )
+    return plant.plant.uncertainty()
 
 
 def _plain(value: Any) -> Any:

@@ -7,6 +7,7 @@ from typing import Any
 from quadsafe_core.authority import checked_authority
 from quadsafe_core.checks import non_negative_number, positive_number
 from shields.settings.uncertainty import checked_uncertainty
+from shields.settings.uncertainty_file import is_file_name, read_uncertainty
 
 # What an authority takes the place of, None for no limit.
 FREE_NUMBERS: Mapping[str, Any] = MappingProxyType(
@@ -104,7 +105,7 @@ def _bound_numbers(given: dict[str, float | None], method: str, authority: Any) 
 
 def _declared(method: str, value: Any) -> dict[str, Any] | None:
     """The uncertainty as a dict, None for none at all."""
-    found = checked_uncertainty(value)
+    found = checked_uncertainty(read_uncertainty(value) if is_file_name(value) else value)
     if found is not None and method != "sampled":
         raise ValueError(f"uncertainty needs method 'sampled', got {method!r}")
     return None if found is None else found._asdict()

@@ -124,7 +124,8 @@ def checked_uncertainty(value: Any) -> Uncertainty | None:
     table = value._asdict() if isinstance(value, Uncertainty) else value
     if not isinstance(table, Mapping):
         raise TypeError(
-            f"uncertainty must be an Uncertainty or a mapping of {', '.join(NONE._fields)}, got {value!r}"
+            f"uncertainty must be an Uncertainty or a mapping of {', '.join(NONE._fields)}, "
+            f"or a file ending in .json, got {value!r}"
         )
     for field in table:
         one_of("a field of uncertainty", field, NONE._fields)

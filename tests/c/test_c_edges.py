@@ -1,6 +1,7 @@
 """The shield in C at its edges: bad input, sanitizers, float, shapes as they are made, what it links."""
 
 import ctypes
+import re
 import subprocess
 
 import numpy as np
@@ -62,6 +63,14 @@ def test_the_example_on_board(compiled, tmp_path):
     subprocess.run([*WARNED, "-O1", f"-I{ROOT / 'c'}", loop, compiled, "-o", out, "-lm"], check=True)
     said = subprocess.check_output([out], text=True)
     assert "never nearer than 0.00" in said and "at rest at x = 3.99" in said
+
+
+def test_the_page_counts_files_and_lines_as_they_are():
+    files = sorted((ROOT / "c").glob("*.[ch]"))
+    lines = [line for file in files for line in file.read_text().splitlines()]
+    code = [line for line in lines if not re.match(r"\s*$|\s*(/\*|\*)", line)]
+    said = f"{len(files)} files and {len(lines):,} lines, of which {len(code):,} are"
+    assert said in (ROOT / "docs" / "onboard.md").read_text(encoding="utf-8")
 
 
 def one(settings=None, is_float=False):

@@ -207,6 +207,8 @@ def test_the_scenes_are_those_of_the_environments():
         assert (FOLDER / "scenes.js").read_text() == scenes_script.script()
 
 
+# A new cache of the compiler takes half a minute.
+@pytest.mark.slow
 def test_the_module_is_the_one_that_the_sources_give():
     if importlib.util.find_spec("ziglang") is None:
         pytest.skip("needs the C compiler of the wheel ziglang")

@@ -57,7 +57,10 @@ def test_one_version_everywhere():
 def test_every_package_in_the_wheel_says_that_it_is_typed():
     for name in PROJECT["tool"]["setuptools"]["packages"]["find"]["include"]:
         assert name.endswith(".*") or (ROOT / name / "py.typed").exists(), name
-    assert PROJECT["tool"]["setuptools"]["package-data"] == {"*": ["py.typed"]}
+    assert PROJECT["tool"]["setuptools"]["package-data"] == {
+        "*": ["py.typed"],
+        "quadsafe_env.plants": ["*.json"],
+    }
 
 
 def test_the_readme_on_an_index_leads_to_where_the_project_is_published():

@@ -42,6 +42,26 @@ def test_a_shield_that_is_told_keeps_it_out_of_a_sphere():
     assert not safe.violated and safe.certified == 1.0
 
 
+@pytest.mark.parametrize("vehicle", ["crazyflie", "hummingbird"])
+def test_what_was_measured_of_it_is_found_and_its_step_is_as_good_as_a_fine_one(vehicle):
+    plants = [make_plant("rotorpy", vehicle=vehicle) for _ in "ab"]
+    plants[1]._simulator.integrator_kwargs = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12}
+    one, fine = (fly(plant, through_the_sphere, [-1.4, 0.1, 0.0], seconds=0.3) for plant in plants)
+    told, period = plants[0].uncertainty(), 0.01
+    assert Shield(uncertainty=told).settings["uncertainty"]["rotor_lag"] == pytest.approx(
+        plants[0].lag, rel=0.01
+    )
+    # A hundredth of what is told: the motors of the Hummingbird lag by two and a half steps.
+    assert np.abs(one.flats[:, 3] - fine.flats[:, 3]).max() < 1e-2 * period * told["snap"]
+
+
+def test_a_motor_that_is_asked_for_more_than_it_has_is_counted():
+    plant = make_plant("rotorpy")
+    plant.reset(np.zeros((4, 3)))
+    plant.advance(np.full(4, plant.params.thrust_max / 4))
+    assert plant.saturated == 1
+
+
 def test_another_vehicle_is_a_sentence():
     with pytest.raises(ValueError, match=r"vehicle must be one of 'crazyflie', 'hummingbird', got 'x500'"):
         make_plant("rotorpy", vehicle="x500")

@@ -425,7 +425,10 @@ def test_the_plant_has_the_bounds_of_its_conditions():
         beyond = gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0", conditions=met)
         with pytest.raises(ValueError, match=sentence):
             ShieldWrapper(beyond, uncertainty="conditions")
-    with pytest.raises(ValueError, match="uncertainty must be 'conditions', Uncertainty, a mapping or None"):
+    with pytest.raises(
+        ValueError,
+        match=r"must be 'conditions', 'plant', a file ending in \.json, Uncertainty, a",
+    ):
         ShieldWrapper(gymnasium.make("quadsafe_env:QuadSafe/Avoid-v0"), uncertainty="weather")
 
 

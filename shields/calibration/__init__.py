@@ -1,0 +1,1 @@
+"""What to declare of a plant, measured: excitations, what a lag leaves of them, a bound and its check."""
