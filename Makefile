@@ -10,7 +10,7 @@ PLANTS := .venv/plants
 FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
 	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
 
-.PHONY: setup train test test-floor test-wheel test-plants lint docs clean
+.PHONY: setup train test test-floor test-wheel test-plants lint page docs clean
 
 setup: .venv/ready
 
@@ -47,7 +47,11 @@ test-plants:
 	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py) \
 		tests/quadsafe_env/plants/test_betaflight_plant.py
 
-docs: setup
+page: setup
+	$(BIN)/python c/page/scenes_script.py
+	$(BIN)/python c/page/shield_script.py
+
+docs: setup page
 	$(BIN)/mkdocs build --strict
 
 clean:
