@@ -19,6 +19,7 @@ from quadsafe_env.signals.kinds import WORLDS
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
 from quadsafe_env.tasks.conditions import conditions_from, is_lag_told
+from quadsafe_env.tasks.drawn_bodies import MovingTask
 from quadsafe_env.tasks.gates import GatesTask
 from quadsafe_env.tasks.rooms import RoomsTask
 from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask
@@ -48,6 +49,9 @@ TASKS = {
     ),
     "track": TrackTask(
         body_count=4, observed_count=4, ends_at_goal=False, sizes=(0.2, 0.4), largest_keep_out=0.8
+    ),
+    "moving": MovingTask(
+        body_count=8, observed_count=8, ends_at_goal=True, sizes=(0.2, 0.4), is_mixed=True, moves=True
     ),
 }
 RENDER_MODES = ("human", "rgb_array")
@@ -102,7 +106,7 @@ def build_worlds(
         counts: number of rows of each.
         render_mode: one that was checked, or None; what is rendered remembers its past.
         is_single: whether functions given as observation and reward get one row without an axis of rows.
-        task: "flight", "avoid", "forest", "rooms", "gates" or "track"; fixed by the id.
+        task: "flight", "avoid", "forest", "rooms", "gates", "track" or "moving"; fixed by the id.
         action: "velocity", "snap", "wrench", "rates" or "attitude"; see ``quadsafe_env.vehicle.actions``.
         params: preset name, mapping of fields or of the arguments of ``QuadrotorParams.from_airframe``, or
             QuadrotorParams; ``docs/vehicles.md`` has the presets.
