@@ -26,6 +26,8 @@ class Arm:
     """Taken off the reward of a training step with a violation."""
     intervention_penalty: float = 0.0
     """Taken off the reward of a training step, times the share of it that the shield changed."""
+    filter: str = ""
+    """A filter in the shield's place, in training and in evaluation, see ``agents.methods.wrapper``."""
 
     @property
     def is_trained(self) -> bool:
@@ -49,6 +51,9 @@ ARMS = {
     "tracker": Arm("tracker", agent="tracker"),
     "random": Arm("random actions", agent="random"),
     "policy": Arm("given policy", agent="given"),
+    "hocbf": Arm("HOCBF-QP", is_shielded=True, filter="hocbf"),
+    "predictive": Arm("predictive filter", is_shielded=True, filter="predictive"),
+    "geometric": Arm("geometric backup", is_shielded=True, filter="geometric"),
 }
 GIVEN = "policy"
 OF_RUNS = tuple(name for name, arm in ARMS.items() if arm.agent != "given")
