@@ -16,6 +16,7 @@ from quadsafe_core.maths.feedback import held_gains
 from quadsafe_core.shapes import Obstacles
 from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import BRAKING_POLE
+from shields.settings.chain import chain_over
 
 
 class Vehicle(NamedTuple):
@@ -49,16 +50,24 @@ class Filter(ABC):
     failed, or whose desired snap was not finite; ``certified`` is always False; ``value`` is the distance from
     the nearest body, less what is to be kept, m.
 
+    Of an ``uncertainty`` in the settings two numbers are used. Behind a ``delay`` of d periods the filter
+    answers for the state in d periods, which the chain reaches under the answers on their way. The bound of
+    ``position`` is added to the margin.
+
     Args:
         settings: of a ``Shield`` for the same plant, whose limits of a flight are this filter's.
         margin: kept beyond every keep-out distance, m.
     """
 
-    delay, can_lose = 0, False
+    can_lose = False
 
     def __init__(self, settings: Mapping[str, Any], margin: float):
         self.settings, self.vehicle = dict(settings), vehicle_of(settings)
-        self.margin = non_negative_number("margin", margin)
+        declared = settings["uncertainty"]
+        self.delay = 0 if declared is None else int(declared["delay"])
+        known = 0.0 if declared is None else declared["position"]
+        self.margin = non_negative_number("margin", margin) + known
+        self._sent = np.zeros((0, self.delay, 3))
         self.calls, self.solver_calls, self.solver_failures = 0, 0, 0
         self._nanoseconds = array("q")
 
@@ -92,7 +101,13 @@ class Filter(ABC):
         """
         if not (np.isfinite(flat).all() and np.isfinite(obstacles.center).all()):
             raise ValueError("flat and obstacles must be finite, got others")
-        bodies, is_finite = bodies_of(obstacles), np.logical_and.reduce(np.isfinite(snap), axis=1)
+        if len(self._sent) != len(flat):
+            self._sent = np.zeros((len(flat), self.delay, 3))
+        flat = self._ahead(flat, period)
+        bodies, is_finite = (
+            bodies_of(obstacles, self.delay * period),
+            np.logical_and.reduce(np.isfinite(snap), axis=1),
+        )
         wanted = np.where(is_finite[:, None], snap, braking(flat, period))
         filtered = Filtered(np.zeros(NUMBERS * len(flat)), (len(flat),))
         filtered.snap[:], facts = wanted, filtered.facts
@@ -103,7 +118,15 @@ class Filter(ABC):
             filtered.snap[row] = found.snap
             facts["fallback"][row] = found.failed or not is_finite[row]
         self._tell(facts, flat, bodies, filtered.snap - wanted)
+        self._sent = np.concatenate([self._sent, filtered.snap[:, None]], axis=1)[:, 1:]
         return filtered
+
+    def _ahead(self, flat: Floats, period: float) -> Floats:
+        """The states when an answer that is given now is flown."""
+        step, added = chain_over(period)
+        for i in range(self.delay):
+            flat = np.einsum("op,npi->noi", step, flat) + added[:, None] * self._sent[:, i : i + 1]
+        return flat
 
     def _timed(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
         began = perf_counter_ns()
@@ -121,12 +144,18 @@ class Filter(ABC):
         facts["in_set"] = facts["value"] >= 0.0
         facts["obstacle"][facts["intervened"] == 0.0] = -1.0
 
-    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:  # noqa: B027 - most remember nothing
+    def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget rows, or everything."""
+        if mask is None:
+            self._sent = np.zeros((0, self.delay, 3))
+        elif len(self._sent):
+            self._sent[mask] = 0.0
 
     def override(self, mask: NDArray[np.bool_], snaps: Floats) -> None:
         """Rows fly other snaps than were answered."""
         self.reset(mask)
+        if self.delay:
+            self._sent[mask, -1] = snaps
 
     def backup(self, mask: NDArray[np.bool_]) -> Floats:
         """There is none to ask for."""
@@ -137,11 +166,13 @@ class Filter(ABC):
 
     def snapshot(self) -> dict[str, NDArray]:
         """All that it remembers, as copies, for ``restore``; times are not of it."""
-        return {"counts": np.array([self.calls, self.solver_calls, self.solver_failures])}
+        counts = np.array([self.calls, self.solver_calls, self.solver_failures])
+        return {"counts": counts, "sent": self._sent.copy()}
 
     def restore(self, snapshot: Mapping[str, NDArray]) -> None:
         """Go on where an equal filter was when it gave this snapshot."""
         self.calls, self.solver_calls, self.solver_failures = map(int, snapshot["counts"])
+        self._sent = snapshot["sent"].copy()
 
 
 def vehicle_of(settings: Mapping[str, Any]) -> Vehicle:

@@ -64,10 +64,11 @@ def clearance_batch(bodies, points, value, obstacle):
                 value[i], obstacle[i] = clearance, k
 
 
-def bodies_of(obstacles: Obstacles) -> Bodies:
-    """What ``Obstacles`` of N worlds leave out spelled out: cores of spheres, velocities of what rests."""
+def bodies_of(obstacles: Obstacles, time: float = 0.0) -> Bodies:
+    """Where ``Obstacles`` of N worlds are in a time, s, with cores of spheres and velocities of what rests."""
     center, radius = obstacles.center, obstacles.radius
     velocity = np.zeros_like(center) if obstacles.velocity is None else obstacles.velocity
+    center = center + time * velocity
     if obstacles.cores is not None:
         return Bodies(center, radius, velocity, cores_of(obstacles.cores, *radius.shape))
     core = np.zeros(radius.shape, dtype=CORE)

@@ -72,10 +72,10 @@ class PredictiveFilter(Filter):
         settings: see ``Filter``.
         blocks: whole blocks of a horizon: T = (blocks + 1) ``BLOCK`` control periods at its longest.
         margin: kept beyond every keep-out distance at the end of the horizon, half of it now, m.
-        jerk: share of the jerk limit that a plan may take.
+        jerk: share of j_max/√3 that a plan may take along an axis; with √3 the box is about the ball.
     """
 
-    def __init__(self, settings: Mapping[str, Any], blocks: int = 9, margin: float = 0.02, jerk: float = 1.0):
+    def __init__(self, settings: Mapping[str, Any], blocks: int = 9, margin: float = 0.04, jerk: float = 1.7):
         super().__init__(settings, margin)
         check_solver()
         self.blocks, limits = positive_integer("blocks", blocks), limits_of(self.vehicle)
@@ -183,6 +183,7 @@ class PredictiveFilter(Filter):
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the plans of rows, or of all."""
+        super().reset(mask)
         if mask is None:
             self.plans, self.is_planned = np.zeros((0, 0, 3)), np.zeros(0, dtype=np.bool_)
         elif len(self.is_planned):

@@ -105,6 +105,21 @@ def test_flies_among_the_bodies_of_a_room_and_goes_on_from_a_snapshot(name):
     assert np.array_equal(*both) and flown.counts().keys() == other.counts().keys()
 
 
+def test_an_answer_that_is_on_its_way_is_known_to_who_is_told():
+    """With three periods of delay who is not told brakes too late."""
+    least, snap = {}, np.array([[50.0, 0.0, 0.0]])
+    for delay in (0, 3):
+        told = Shield(uncertainty={"delay": delay, "snap": 1.0}).settings
+        found, state = GeometricFilter(told, pole=4.0, margin=0.0), at((-2.0, 0.0, 0.0), v=(1.5, 0.0, 0.0))[0]
+        line, gaps = [np.zeros(3)] * 3, []
+        for _ in range(250):
+            line.append(found.filter(state[None], SPHERE, snap, PERIOD).snap[0])
+            state = reflown(state, line.pop(0)[None])[-1]
+            gaps.append(np.linalg.norm(state[0]) - 0.5)
+        least[delay] = min(gaps)
+    assert least[0] < -0.01 and 0.0 < least[3] < 0.1
+
+
 def test_a_snap_that_is_no_number_is_answered_by_braking():
     flat = at((-3.0, 0.0, 0.0), v=(1.0, 0.0, 0.0))
     answer = GeometricFilter(SETTINGS).filter(flat, SPHERE, np.full((1, 3), np.nan), PERIOD)
