@@ -74,9 +74,16 @@ def evaluate(command: Evaluate) -> int:
 
     with errors_as_sentences():
         if adapters.is_name(command.run):
+            if command.filter:
+                raise ValueError(
+                    f"filter must come with a run; of a policy it is --shield filter:{command.filter}"
+                )
             print(commands.evaluate_named(command))
             return 0
         refuse_of_a_policy(command)
+        if command.filter:
+            print(commands.evaluate_behind_filter(command))
+            return 0
         run = runs.open_run(command.run)
         evaluate.evaluate_run(run, command.eval_episodes, command.num_threads)
         trace.write_trace(run)

@@ -26,7 +26,8 @@ class Arm:
     """Taken off the reward of a training step with a violation."""
     intervention_penalty: float = 0.0
     """Taken off the reward of a training step, times the share of it that the shield changed."""
-
+    filter: str = ""
+    """A filter in the shield's place, in training and in evaluation, see ``agents.methods.wrapper``."""
     is_constrained: bool = False
     """Whether PPO learns under a limit on the mean cost of an episode, see ``agents.learn.lagrangian``."""
 
@@ -53,6 +54,9 @@ ARMS = {
     "random": Arm("random actions", agent="random"),
     "policy": Arm("given policy", agent="given"),
     "lagrangian": Arm("PPO-Lagrangian", is_constrained=True),
+    "hocbf": Arm("HOCBF-QP", is_shielded=True, filter="hocbf"),
+    "predictive": Arm("predictive filter", is_shielded=True, filter="predictive"),
+    "geometric": Arm("geometric backup", is_shielded=True, filter="geometric"),
 }
 GIVEN = "policy"
 OF_RUNS = tuple(name for name, arm in ARMS.items() if arm.agent != "given")

@@ -9,9 +9,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
 from agents.experiment.arms import ARMS, OF_RUNS, Arm
 from agents.experiment.config import Experiment, default_hyperparams
+from agents.methods.wrapper import TOLD, filtered
 from quadsafe_core.checks import one_of, positive_integer
 from quadsafe_env.registration import IDS
-from shields import ShieldWrapper, VectorShieldWrapper
 from shields.settings.plant_settings import plain_settings
 
 
@@ -39,7 +39,7 @@ def make_vector_env(experiment: Experiment, n: int, is_shielded: bool) -> Vector
     # Whoever counts episodes here takes every step for a transition.
     if env.autoreset_mode is not AutoresetMode.SAME_STEP:
         raise ValueError(f"autoreset_mode must be 'SameStep' in a run, got {env.autoreset_mode.value!r}")
-    return VectorShieldWrapper(env, **experiment.shield) if is_shielded else env
+    return filtered(env, experiment.shield) if is_shielded else env
 
 
 def make_env(experiment: Experiment, is_shielded: bool, **keywords: Any) -> Any:
@@ -50,7 +50,7 @@ def make_env(experiment: Experiment, is_shielded: bool, **keywords: Any) -> Any:
     """
     one_of("env", experiment.env, tuple(IDS))
     env = gymnasium.make(experiment.env, action=experiment.action, **experiment.env_kwargs, **keywords)
-    return ShieldWrapper(env, **experiment.shield) if is_shielded else env
+    return filtered(env, experiment.shield) if is_shielded else env
 
 
 def make_training_env(experiment: Experiment, arm: str) -> VectorEnv:
@@ -66,13 +66,21 @@ def make_training_env(experiment: Experiment, arm: str) -> VectorEnv:
 def of_arm(experiment: Experiment, arm: Arm) -> Experiment:
     """The experiment with the shield that an arm flies with, and the actions of its agent."""
     action = "snap" if arm.agent == "tracker" else experiment.action
-    return replace(experiment, action=action, shield={**experiment.shield, **arm.shield})
+    wanted = behind(experiment, arm.filter) if arm.filter else experiment
+    return replace(wanted, action=action, shield={**wanted.shield, **arm.shield})
+
+
+def behind(experiment: Experiment, name: str) -> Experiment:
+    """The experiment with a filter of ``agents.methods`` in the shield's place."""
+    told = {key: value for key, value in experiment.shield.items() if key in TOLD}
+    return replace(experiment, shield={"filter": name, **told})
 
 
 def spelled_shield(experiment: Experiment) -> Experiment:
     """The experiment with the kind of its shield spelled out, and settings as YAML has them."""
     # What is left out the plant gives, to every arm its own.
-    shield = {"method": "sampled", "inner_loop": "proved", **plain_settings(experiment.shield)}
+    kind = {} if "filter" in experiment.shield else {"method": "sampled"}
+    shield = {**kind, "inner_loop": "proved", **plain_settings(experiment.shield)}
     return replace(experiment, shield=shield)
 
 

@@ -1,6 +1,7 @@
 """Held-out flights: every agent of a run on the same scenes, with the shield on and off."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from agents.experiment.arms import ARMS
-from agents.experiment.environments import make_vector_env, of_arm
-from agents.experiment.files import write_csv
+from agents.experiment.environments import behind, make_vector_env, of_arm
+from agents.experiment.files import write_csv, write_json
 from agents.experiment.runs import Run
 from agents.learn.algorithms import load_policy
 from agents.learn.episodes import EPISODE, EpisodeCounter
@@ -113,18 +114,38 @@ def evaluate(run: Run, arm: str, seed: int, eval_episodes: int) -> None:
     for is_shielded in (False, True):
         env = make_vector_env(of_arm(run.experiment, ARMS[arm]), len(scenes), is_shielded)
         flights.append(fly(agent_of(run, arm, seed, env), env, scenes))
+        if is_shielded and ARMS[arm].filter:
+            write_counts(run, arm, seed, ARMS[arm].filter, env)
     write_flights(run, arm, seed, scenes, *flights)
+
+
+def evaluate_behind(run: Run, arm: str, seed: int, name: str, eval_episodes: int) -> NDArray[np.void]:
+    """Fly one arm with one seed on held-out scenes behind a filter that it need not have learned with.
+
+    The episodes; flights_NAME.csv and solver_NAME.json come to lie beside its flights.csv.
+
+    Raises:
+        ValueError: for a name that is none of ``agents.methods.wrapper.METHODS``.
+    """
+    scenes = held_out_scenes(eval_episodes)
+    experiment = behind(of_arm(run.experiment, ARMS[arm]), name)
+    env = make_vector_env(experiment, len(scenes), is_shielded=True)
+    episodes = fly(agent_of(run, arm, seed, env), env, scenes)
+    write_counts(run, arm, seed, name, env)
+    _write(run.folder_of(arm, seed) / f"flights_{name}.csv", scenes, ((True, episodes),))
+    return episodes
+
+
+def write_counts(run: Run, arm: str, seed: int, name: str, env: Any) -> None:
+    """What the solver of the filter in front of an env did, into solver_NAME.json of one arm with one seed."""
+    write_json(run.folder_of(arm, seed) / f"solver_{name}.json", env.shield.counts())
 
 
 def write_flights(
     run: Run, arm: str, seed: int, scenes: Sequence[int], without: NDArray[np.void], shielded: NDArray[np.void]
 ) -> None:
     """The flights.csv of one arm with one seed: episodes of the same scenes, without and with the shield."""
-    rows = []
-    for is_shielded, flown in ((False, without), (True, shielded)):
-        episodes: list[Any] = flown.tolist()
-        rows += [[is_shielded, k, *episode] for k, episode in zip(scenes, episodes, strict=True)]
-    write_csv(run.folder_of(arm, seed) / "flights.csv", ["shield", "scene", *(without.dtype.names or ())], rows)
+    _write(run.folder_of(arm, seed) / "flights.csv", scenes, ((False, without), (True, shielded)))
 
 
 def evaluate_run(run: Run, eval_episodes: int | None = None, num_threads: int = 1) -> None:
@@ -144,6 +165,14 @@ def evaluate_run(run: Run, eval_episodes: int | None = None, num_threads: int = 
         raise FileNotFoundError(f"run must hold a trained policy, got none in {run.folder}")
     for arm, seed in tqdm(jobs, desc="flying", unit=" agents", delay=2.0, disable=None):
         evaluate(run, arm, seed, run.experiment.eval_episodes if eval_episodes is None else eval_episodes)
+
+
+def _write(path: Path, scenes: Sequence[int], flights: Sequence[tuple[bool, NDArray[np.void]]]) -> None:
+    rows = []
+    for is_shielded, flown in flights:
+        episodes: list[Any] = flown.tolist()
+        rows += [[is_shielded, k, *episode] for k, episode in zip(scenes, episodes, strict=True)]
+    write_csv(path, ["shield", "scene", *(flights[0][1].dtype.names or ())], rows)
 
 
 class _Planned:

@@ -8,7 +8,9 @@ import plotly.graph_objects as go
 from agents.experiment.arms import ARMS
 
 # Okabe and Ito's colours, told apart by every kind of eye.
-PALETTE = ("#d55e00", "#d99a00", "#0072b2", "#4fb0e6", "#009e73", "#b8609a", "#70757d", "#8a5a2b", "#4b3f9e")
+PALETTE = ("#d55e00", "#d99a00", "#0072b2", "#4fb0e6", "#009e73", "#b8609a", "#70757d", "#8a5a2b")
+# Of what stands behind these in the list of arms.
+PALETTE += ("#2f3e9e", "#8fb339", "#c9a0dc", "#00a3a3")
 COLORS = dict(zip(ARMS, cycle(PALETTE), strict=False))
 INK, QUIET, GRID, PAPER = "#22262b", "#6b7078", "#e9e8e4", "#ffffff"
 WITHOUT, SHIELDED = COLORS["none"], COLORS["shield"]

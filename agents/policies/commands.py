@@ -11,10 +11,12 @@ from agents.experiment.config import Experiment
 from agents.experiment.environments import spelled_shield
 from agents.experiment.runs import open_run
 from agents.learn.algorithms import load_policy
-from agents.measure.evaluate import held_out_scenes
+from agents.measure.evaluate import evaluate_behind, held_out_scenes
+from agents.measure.results import flight_row, result_rows
 from agents.policies.adapters import agent_from
 from agents.policies.evaluation import Evaluation, evaluate_in
 from agents.policies.export import DEFAULT_NAMES, export_policy
+from agents.report.tables import aligned, evaluation_table
 from agents.report.watch import Showing, show
 from quadsafe_env.settings import scene_integer
 
@@ -31,6 +33,21 @@ def evaluate_named(command: Evaluate) -> Evaluation:
     n = Experiment.eval_episodes if command.eval_episodes is None else command.eval_episodes
     experiment = spelled_shield(Experiment(arms=(GIVEN,), eval_episodes=n, **asked))
     return evaluate_in(command.run, experiment, held_out_scenes(n), log_folder)
+
+
+def evaluate_behind_filter(command: Evaluate) -> str:
+    """Fly every agent of a run behind the filter that a command names; the table of these flights.
+
+    Raises:
+        ValueError, OSError: naming what does not fit.
+    """
+    torch.set_num_threads(command.num_threads)
+    run = open_run(command.run)
+    n = run.experiment.eval_episodes if command.eval_episodes is None else command.eval_episodes
+    jobs = [job for job in run.experiment.jobs() if run.is_trained(*job)]
+    flown = [(arm, seed, True, evaluate_behind(run, arm, seed, command.filter, n)) for arm, seed in jobs]
+    rows = result_rows([flight_row(*given) for given in flown])
+    return f"{n:,} held-out scenes behind {command.filter}\n{aligned(evaluation_table(rows, command.filter))}"
 
 
 def watch_named(command: Watch, how: Showing) -> str:

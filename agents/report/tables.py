@@ -110,9 +110,9 @@ def training_table(rows: list[Row]) -> list[list[str]]:
     return [["trained with", *heads, "steps/s"], *body]
 
 
-def evaluation_table(rows: list[Row]) -> list[list[str]]:
-    """Cells of the held-out flights, under their heads."""
-    heads, ways = _heads(rows), {"on": "shield", "off": "no shield"}
+def evaluation_table(rows: list[Row], shield: str = "shield") -> list[list[str]]:
+    """Cells of the held-out flights, under their heads; ``shield`` names what some were flown behind."""
+    heads, ways = _heads(rows), {"on": shield, "off": "no shield"}
     body = [[row["title"], ways[row["flown"]], *_cells(row, heads)] for row in rows]
     return [["trained with", "flown with", *heads], *body]
 

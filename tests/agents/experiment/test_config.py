@@ -90,6 +90,9 @@ def test_seeds_come_one_after_the_other_so_that_a_part_of_a_study_is_a_study():
     ]
 
 
+FILTERS = ("hocbf", "predictive", "geometric")
+
+
 def test_the_arms_are_those_that_a_study_of_shields_reports():
     assert [name for name, arm in ARMS.items() if arm.is_trained] == [
         "none",
@@ -98,8 +101,11 @@ def test_the_arms_are_those_that_a_study_of_shields_reports():
         "shield-penalty",
         "cbf",
         "lagrangian",
+        *FILTERS,
     ]
-    assert {name for name, arm in ARMS.items() if arm.is_shielded} == {"shield", "shield-penalty", "cbf"}
+    shielded = {"shield", "shield-penalty", "cbf", *FILTERS}
+    assert {name for name, arm in ARMS.items() if arm.is_shielded} == shielded
+    assert {name for name, arm in ARMS.items() if arm.filter == name} == {*FILTERS}
     assert ARMS["collision-penalty"].collision_penalty > 0 and ARMS["shield-penalty"].intervention_penalty > 0
     assert [name for name, arm in ARMS.items() if arm.is_constrained] == ["lagrangian"]
     assert ARMS["cbf"].shield == {"method": "cbf"}
