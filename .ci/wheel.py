@@ -90,7 +90,9 @@ def look_inside(wheel: Path) -> None:
         (about,) = (name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
         metadata = Parser().parsestr(archive.read(about).decode("utf-8"))
     tree = {path.relative_to(ROOT).as_posix() for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
-    tree |= {path.relative_to(ROOT).as_posix() for path in (ROOT / "quadsafe_env/plants").glob("*.json")}
+    plants = ROOT / "quadsafe_env/plants"
+    data = [path for ending in ("json", "c") for path in plants.glob(f"*.{ending}")]
+    tree |= {path.relative_to(ROOT).as_posix() for path in data}
     expected = tree | {"train.py"} | {f"{name}/py.typed" for name in PACKAGES}
     assert names == expected, (
         f"the wheel must have the modules of the tree, differs in {sorted(names ^ expected)[:9]}"

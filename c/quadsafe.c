@@ -152,8 +152,8 @@ int qs_prepare(qs_shield *shield, qs_real period) {
     if (!(period >= EITHER(1e-9, 1e-4) && period <= 1)) return QS_BAD_PERIOD;
     const qs_settings *s = &shield->settings;
     qs_real most = s->snap_max * s->reserve;
-    qs_limits limits = {s->held_snap_max,       most,      s->jerk_max, s->specific_thrust_min,
-                        s->specific_thrust_max, s->gravity};
+    qs_limits limits = {
+        s->held_snap_max, most, s->jerk_max, s->specific_thrust_min, s->specific_thrust_max, s->gravity};
     qs_rules rules = {0};
     rules.period = period, rules.limits = limits, rules.u_max = s->snap_max, rules.input_max = most;
     rules.gamma = -OF_REAL(expm1)(-s->alpha * period), rules.margin = s->margin;
@@ -166,8 +166,8 @@ int qs_prepare(qs_shield *shield, qs_real period) {
     int code = take_tube(s, period, &rules);
     if (code == QS_DONE) {
         shield->rules = rules;
-        shield->stop.is_stored =
-            0; /* a stop is stored in whole periods: of another length it would be another */
+        /* A stop is stored in whole periods: of another length it would be another stop. */
+        shield->stop.is_stored = 0;
     }
     return code;
 }

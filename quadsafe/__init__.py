@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         Sphere,
         shape_from,
     )
-    from quadsafe_env import CONDITIONS, Airframe, Conditions, Map, load_obstacles
+    from quadsafe_env import CONDITIONS, Airframe, Conditions, GoalConditioned, Map, load_obstacles
     from quadsafe_env.env import QuadrotorEnv
     from quadsafe_env.vector_env import QuadrotorVectorEnv
     from quadsafe_env.vehicle.params import QuadrotorParams
@@ -31,7 +31,7 @@ register_environments()
 __version__ = version("quadsafe")
 __all__ = ["Authority", "Filtered", "Monitor", "Shield", "ShieldWrapper", "Uncertainty", "VectorShieldWrapper"]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]
-__all__ += ["CONDITIONS", "Airframe", "Conditions", "Map", "load_obstacles"]
+__all__ += ["CONDITIONS", "Airframe", "Conditions", "GoalConditioned", "Map", "load_obstacles"]
 __all__ += ["QuadrotorEnv", "QuadrotorParams", "QuadrotorVectorEnv", "calibrate", "load"]
 
 # What is not of ``shields``, which shows the shapes too.
@@ -39,6 +39,7 @@ _ELSEWHERE = {
     "Airframe": "quadsafe_env",
     "CONDITIONS": "quadsafe_env",
     "Conditions": "quadsafe_env",
+    "GoalConditioned": "quadsafe_env",
     "Map": "quadsafe_env",
     "QuadrotorEnv": "quadsafe_env.env",
     "QuadrotorParams": "quadsafe_env.vehicle.params",

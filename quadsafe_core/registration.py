@@ -7,9 +7,18 @@ IDS = {
     "QuadSafe/Rooms-v0": "rooms",
     "QuadSafe/Gates-v0": "gates",
     "QuadSafe/Track-v0": "track",
+    "QuadSafe/Moving-v0": "moving",
 }
-# Time limits in policy steps: 12, 10, 16, 16, 24 and 20 s at the default 25 Hz.
-TIME_LIMITS = {"flight": 300, "avoid": 250, "forest": 400, "rooms": 400, "gates": 600, "track": 500}
+# Time limits in policy steps: 12, 10, 16, 16, 24, 20 and 16 s at the default 25 Hz.
+TIME_LIMITS = {
+    "flight": 300,
+    "avoid": 250,
+    "forest": 400,
+    "rooms": 400,
+    "gates": 600,
+    "track": 500,
+    "moving": 400,
+}
 
 
 def register_environments() -> None:

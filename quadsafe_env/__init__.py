@@ -14,6 +14,7 @@ from quadsafe_core.shapes import (
     shape_from,
 )
 from quadsafe_env.maps import Map, load_obstacles
+from quadsafe_env.signals.goal_conditioned import GoalConditioned
 from quadsafe_env.tasks.conditions import CONDITIONS, Conditions
 from quadsafe_env.vehicle.airframe import Airframe
 from quadsafe_env.vehicle.params import QuadrotorParams
@@ -28,5 +29,13 @@ keep_old_paths(
     },
 )
 
-__all__ = ["CONDITIONS", "Airframe", "Conditions", "Map", "QuadrotorParams", "load_obstacles"]
+__all__ = [
+    "CONDITIONS",
+    "Airframe",
+    "Conditions",
+    "GoalConditioned",
+    "Map",
+    "QuadrotorParams",
+    "load_obstacles",
+]
 __all__ += ["Box", "Capsule", "Cylinder", "Ellipsoid", "HalfSpace", "Hull", "Obstacles", "Sphere", "shape_from"]

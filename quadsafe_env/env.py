@@ -141,6 +141,10 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
     see an estimate, while reward, cost and info stay true. ``conditions`` says what is on. With
     `lag_compensation="told"` the inner loop counts the rotors' lag.
 
+    ### Plants that others wrote
+    `plant="mujoco"`, or another of ``quadsafe_env.plants``, flies in place of this model; all else is as above,
+    but that it holds its heading: entry 3 of an action asks for nothing. ``plant`` is it, None here.
+
     ### Keywords
     See ``quadsafe_env.settings.build_worlds``.
 
@@ -204,7 +208,7 @@ class QuadrotorEnv(PlainSpec, PlantAccess, gymnasium.Env):
         return self._world.picture(0) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Close the window of the mode "human"."""
+        """Close the window of the mode "human", and a plant that others wrote."""
         self._world.close()
 
     def flat_state(self) -> NDArray[np.float64]:

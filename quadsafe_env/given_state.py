@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_env.settings import exact_array
+from quadsafe_core.checks import exact_array
 from quadsafe_env.split_world import AnyWorld
 from quadsafe_env.vehicle.state import ATTITUDE, OMEGA, STATE_SIZE, THRUST
 

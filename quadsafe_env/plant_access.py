@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.authority import Authority
 from quadsafe_core.flight_model import FlightModel
+from quadsafe_env.plants.plant import Plant
 from quadsafe_env.signals.told_worlds import ToldWorld
 from quadsafe_env.simulation.slot import MinimalFilter
 from quadsafe_env.split_world import AnyWorld, SplitWorld
@@ -25,6 +26,11 @@ class PlantAccess:
     def params(self) -> QuadrotorParams:
         """The vehicle."""
         return self._world.params
+
+    @property
+    def plant(self) -> Plant | None:
+        """The plant that others wrote, of the first row; None where our own flies."""
+        return self._world.plants[0] if self._world.plants else None
 
     @property
     def conditions(self) -> Conditions:
@@ -69,9 +75,14 @@ class PlantAccess:
         """Bounds of what the conditions do, up to 5 m/s and full thrust, as fields of ``shields.Uncertainty``.
 
         Raises:
-            ValueError: for what has no such bounds: impulses without a gap, or rotors that lag behind an inner
-                loop that is not told.
+            ValueError: for what has no such bounds: impulses without a gap, rotors that lag behind an inner
+                loop that is not told, or a plant that others wrote, which has no conditions.
         """
+        if self.plant is not None:
+            raise ValueError(
+                "uncertainty must be what was measured of a plant that others wrote, which has no conditions, "
+                "got 'conditions'"
+            )
         return uncertainty_under(
             self.conditions,
             speed=SPEED_COUNTED_ON,
@@ -91,7 +102,11 @@ class PlantAccess:
 
     @property
     def flight_model(self) -> FlightModel:
-        """What a proof about flights of this plant may count on."""
+        """What a proof about flights of this plant may count on.
+
+        Nothing is proved of how a plant that others wrote flies a held snap: what it does beside one is to be
+        declared, and here no error stands.
+        """
         p, rates = self.params, self._world.rates
         return FlightModel(
             gravity=p.gravity,
@@ -100,7 +115,7 @@ class PlantAccess:
             authority=self.authority() if self._world.rotor_limits else None,
             physics_hz=rates.physics,
             control_hz=rates.control,
-            snap_error=self._snap_error,
+            snap_error=self._snap_error if self.plant is None else _no_error,
         )
 
     def _snap_error(self, snap: float, jerk: float, thrust: float, physics_hz: int) -> float:
@@ -133,3 +148,7 @@ class PlantAccess:
     @snap_filter.setter
     def snap_filter(self, value: MinimalFilter) -> None:
         self._world.snap_filter = value
+
+
+def _no_error(snap: float, jerk: float, thrust: float, physics_hz: int) -> float:
+    return 0.0

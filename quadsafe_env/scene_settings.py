@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from quadsafe_core.checks import exact_array, finite_array, finite_number
+from quadsafe_core.checks import exact_array, finite_array, finite_number, positive_integer
 from quadsafe_core.shapes import HalfSpace, Obstacles, Shape
 from quadsafe_env.tasks.ends import NO_BOXES, GivenEnds, with_given_ends
 from quadsafe_env.tasks.gates import MOST, GatesTask
@@ -49,6 +49,38 @@ def furnished(name: str, task: Task, vehicle_radius: float, draws: bool, **given
         return task
     task = replace(task, vehicle=vehicle_radius)
     return _counted(_with_opening(task, kept), kept) if draws else task
+
+
+def resized(name: str, task: Task, sphere_count: int | None, sphere_radius: Sequence[float] | None) -> Task:
+    """The task with the spheres of a user, None for its own.
+
+    Raises:
+        TypeError, ValueError: for a task that has no such spheres, and for what is none.
+    """
+    if sphere_count is not None:
+        if name not in ("forest", "track"):
+            raise ValueError(f"sphere_count must be left out for task {name!r}, got {sphere_count!r}")
+        task = replace(task, body_count=positive_integer("sphere_count", sphere_count))
+    if sphere_radius is not None:
+        if name == "flight":
+            raise ValueError(f"sphere_radius must be left out for task 'flight', got {sphere_radius!r}")
+        low, high = exact_array("sphere_radius", sphere_radius, (2,)).tolist()
+        if not 0 < low <= high:
+            raise ValueError(
+                f"sphere_radius must be [least, greatest] with 0 < least <= greatest, got {sphere_radius!r}"
+            )
+        task = replace(task, sizes=(low, high))
+    return task
+
+
+def check_room(task: Task, radius: float) -> None:
+    """Raise a ValueError if spheres leave no room for start and goal of a vehicle of this radius, m."""
+    largest = task.largest_keep_out - radius
+    if task.sizes[1] > largest:
+        raise ValueError(
+            f"sphere_radius must be at most {largest:g} m to leave start and goal clear of a vehicle of radius "
+            f"{radius:g} m, got {task.sizes[1]:g}"
+        )
 
 
 def mapped(

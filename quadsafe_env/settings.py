@@ -1,29 +1,29 @@
 """From the keywords of ``gym.make`` to a world."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import ArrayLike, NDArray
 
-from quadsafe_core.checks import exact_array, keywords_of, known_keywords, one_of, positive_integer, real_array
+from quadsafe_core.checks import keywords_of, known_keywords, one_of, positive_integer, real_array
 from quadsafe_core.maths.counter_rng import KEY_LIMIT
 from quadsafe_core.shapes import Obstacles, shapes_from
+from quadsafe_env.others.chosen import choice_of
 from quadsafe_env.pictures.camera import camera_from, picture_size, text
 from quadsafe_env.references.track import TrackTask
-from quadsafe_env.scene_settings import furnished, mapped, walls_of, within
+from quadsafe_env.scene_settings import check_room, furnished, mapped, resized, walls_of, within
 from quadsafe_env.signals.given import signals_from
 from quadsafe_env.signals.kinds import WORLDS
 from quadsafe_env.simulation.rates import Rates
 from quadsafe_env.simulation.world import World
-from quadsafe_env.tasks.conditions import OFF, conditions_from, is_lag_told
+from quadsafe_env.tasks.conditions import conditions_from, is_lag_told
+from quadsafe_env.tasks.drawn_bodies import MovingTask
 from quadsafe_env.tasks.gates import GatesTask
 from quadsafe_env.tasks.rooms import RoomsTask
-from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask, Task
+from quadsafe_env.tasks.scenes import AvoidTask, FlightTask, ForestTask
 from quadsafe_env.track_settings import blocked_on_track, course_of, led
-from quadsafe_env.vehicle.params import QuadrotorParams, fitting, params_from
 
 TASKS = {
     "flight": FlightTask(body_count=1, observed_count=1, ends_at_goal=False, low=(-4, -5, -4), high=(8, 5, 8)),
@@ -50,6 +50,9 @@ TASKS = {
     "track": TrackTask(
         body_count=4, observed_count=4, ends_at_goal=False, sizes=(0.2, 0.4), largest_keep_out=0.8
     ),
+    "moving": MovingTask(
+        body_count=8, observed_count=8, ends_at_goal=True, sizes=(0.2, 0.4), is_mixed=True, moves=True
+    ),
 }
 RENDER_MODES = ("human", "rgb_array")
 # Of an action.
@@ -69,6 +72,7 @@ def build_worlds(
     task: str = "avoid",
     action: str = "velocity",
     params="crazyflie",
+    plant: Any = None,
     obstacles: Sequence[Any] | None = None,
     bounds: Sequence[Sequence[float]] | None = None,
     start: Any = None,
@@ -76,7 +80,7 @@ def build_worlds(
     blocked: float | None = None,
     policy_hz: int = 25,
     control_hz: int = 100,
-    physics_hz: int = 500,
+    physics_hz: int | None = None,
     terminate_on_violation: bool = True,
     sphere_count: int | None = None,
     sphere_radius: Sequence[float] | None = None,
@@ -102,10 +106,12 @@ def build_worlds(
         counts: number of rows of each.
         render_mode: one that was checked, or None; what is rendered remembers its past.
         is_single: whether functions given as observation and reward get one row without an axis of rows.
-        task: "flight", "avoid", "forest", "rooms", "gates" or "track"; fixed by the id.
+        task: "flight", "avoid", "forest", "rooms", "gates", "track" or "moving"; fixed by the id.
         action: "velocity", "snap", "wrench", "rates" or "attitude"; see ``quadsafe_env.vehicle.actions``.
         params: preset name, mapping of fields or of the arguments of ``QuadrotorParams.from_airframe``, or
             QuadrotorParams; ``docs/vehicles.md`` has the presets.
+        plant: what flies it in place of our own: the name of a plant that others wrote, a mapping of its
+            ``name`` and options, or a ``Plant`` (``quadsafe_env.plants``); ``docs/plants.md``.
         obstacles: in place of the task's own: shapes (``quadsafe_core.shapes``), mappings as of ``as_dict`` of
             one, rows [x, y, z, radius], m, or an array of rows; all without the vehicle's radius.
         bounds: a box to keep in, [low, high], (3,) each, m: six walls beside the obstacles, given or drawn.
@@ -116,7 +122,7 @@ def build_worlds(
             blocked (``quadsafe_env.tasks.ends``); 0.5 unless given, 0 takes starts and goals as they come.
         policy_hz: rate of ``step``, Hz.
         control_hz: rate of the filter slot, Hz; a multiple of policy_hz.
-        physics_hz: rate of the inner loop and of RK4, Hz; a multiple of control_hz.
+        physics_hz: rate of the inner loop and of RK4, Hz, a multiple of control_hz; 500, or that of the plant.
         terminate_on_violation: whether a violation ends the episode.
         sphere_count: number of spheres of a forest, 10 unless given, or on a reference, 4 unless given.
         sphere_radius: least and greatest obstacle radius of avoid, forest and track scenes, m.
@@ -149,17 +155,19 @@ def build_worlds(
     Warns:
         UserWarning: with the share found, if the straight way cannot be blocked in the share asked for.
     """
-    vehicle = fitting(params_from(params))
-    draws = obstacles is None
+    met, told = conditions_from(conditions), is_lag_told(lag_compensation)
+    limited = _flag("rotor_limits", rotor_limits)
+    choice = choice_of(plant, params, physics_hz, met, rotor_limits=limited, lag_compensation=told)
+    vehicle, draws = choice.params, obstacles is None
     given = None if obstacles is None else shapes_from(obstacles)
     walls = [] if bounds is None else walls_of(bounds, vehicle.radius)
-    drawn = _resized(one_of("task", task, tuple(TASKS)), sphere_count, sphere_radius)
+    drawn = resized(task, TASKS[one_of("task", task, tuple(TASKS))], sphere_count, sphere_radius)
     furniture = {"opening": opening, "gates": gates, "pillars": pillars, "boxes": boxes}
     drawn = furnished(task, drawn, vehicle.radius, draws, **furniture)
     drawn = led(task, drawn, reference=reference, size=size, period=period)
     course = course_of(drawn)
     if draws:
-        _check_room(drawn, vehicle)
+        check_room(drawn, vehicle.radius)
     elif sphere_count is not None or sphere_radius is not None:
         raise ValueError("sphere_count and sphere_radius must be left out where obstacles are given, got both")
     if bounds is not None:
@@ -174,21 +182,19 @@ def build_worlds(
         "rates": Rates(
             positive_integer("policy_hz", policy_hz),
             positive_integer("control_hz", control_hz),
-            positive_integer("physics_hz", physics_hz),
+            positive_integer("physics_hz", choice.physics_hz),
         ),
         "terminate_on_violation": _flag("terminate_on_violation", terminate_on_violation),
-        "rotor_limits": _flag("rotor_limits", rotor_limits),
+        "rotor_limits": limited,
     }
     looks = {"camera": camera_from(camera), "size": picture_size("render_size", render_size)}
     looks["caption"] = text("caption", caption)
-    if render_mode is not None:
-        kept |= looks
+    kept |= {} if render_mode is None else looks
     signals = signals_from(observation, reward, course, is_single, drawn.observed_count)
     kept |= {} if signals is None else {"signals": signals}
-    met, told = conditions_from(conditions), is_lag_told(lag_compensation)
-    kept |= {} if met == OFF else {"conditions": met, "compensates_lag": told}
-    kind = WORLDS[signals is not None, met != OFF, render_mode]
-    return [kind(n, drawn, vehicle, **kept) for n in counts]
+    kept |= {"conditions": met, "compensates_lag": told} if choice.kind == "conditions" else {}
+    kind = WORLDS[signals is not None, choice.kind, render_mode]
+    return [kind(n, drawn, vehicle, **kept, **choice.plants_for(n)) for n in counts]
 
 
 def check_keywords(maker: str, settings: Mapping[str, Any], own: tuple[str, ...]) -> None:
@@ -259,33 +265,6 @@ def action_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> NDArray
 def check_render_mode(render_mode: str | None, modes: tuple[str, ...]) -> str | None:
     """``render_mode``, one of the supported ones or None."""
     return None if render_mode is None else one_of("render_mode", render_mode, modes)
-
-
-def _resized(name: str, sphere_count: int | None, sphere_radius: Sequence[float] | None) -> Task:
-    task = TASKS[name]
-    if sphere_count is not None:
-        if name not in ("forest", "track"):
-            raise ValueError(f"sphere_count must be left out for task {name!r}, got {sphere_count!r}")
-        task = replace(task, body_count=positive_integer("sphere_count", sphere_count))
-    if sphere_radius is not None:
-        if name == "flight":
-            raise ValueError(f"sphere_radius must be left out for task 'flight', got {sphere_radius!r}")
-        low, high = exact_array("sphere_radius", sphere_radius, (2,)).tolist()
-        if not 0 < low <= high:
-            raise ValueError(
-                f"sphere_radius must be [least, greatest] with 0 < least <= greatest, got {sphere_radius!r}"
-            )
-        task = replace(task, sizes=(low, high))
-    return task
-
-
-def _check_room(task: Task, vehicle: QuadrotorParams) -> None:
-    largest = task.largest_keep_out - vehicle.radius
-    if task.sizes[1] > largest:
-        raise ValueError(
-            f"sphere_radius must be at most {largest:g} m to leave start and goal clear of a vehicle of radius "
-            f"{vehicle.radius:g} m, got {task.sizes[1]:g}"
-        )
 
 
 def _flag(name: str, value) -> bool:

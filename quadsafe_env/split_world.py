@@ -37,7 +37,7 @@ class SplitWorld:
         ends = np.cumsum([part.n for part in parts]).tolist()
         self._ranges = list(zip(self.parts, [0, *ends], ends, strict=False))
         self.params, self.rates, self.conditions = first.params, first.rates, first.conditions
-        self.compensates_lag = first.compensates_lag
+        self.compensates_lag, self.plants = first.compensates_lag, first.plants
         self.control_period, self.action_scale = first.control_period, first.action_scale
         self.rotor_limits, self.yaw_hold_at = first.rotor_limits, first.yaw_hold_at
         self.observation_space = first.observation_space
@@ -182,6 +182,11 @@ class SplitWorld:
         """See ``World.picture``."""
         part, own = self._world_of(row)
         return part.picture(own)
+
+    def close(self) -> None:
+        """See ``World.close``."""
+        for part in self.parts:
+            part.close()
 
     def _world_of(self, row: int) -> tuple[World, int]:
         row = range(self.n)[row]

@@ -156,6 +156,10 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
             return None
         return tuple(self._world.picture(i) for i in range(self.num_envs))
 
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the plants that others wrote."""
+        self._world.close()
+
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:
             return np.arange(self.num_envs)

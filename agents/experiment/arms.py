@@ -27,6 +27,9 @@ class Arm:
     intervention_penalty: float = 0.0
     """Taken off the reward of a training step, times the share of it that the shield changed."""
 
+    is_constrained: bool = False
+    """Whether PPO learns under a limit on the mean cost of an episode, see ``agents.learn.lagrangian``."""
+
     @property
     def is_trained(self) -> bool:
         """Whether there is anything to learn."""
@@ -49,6 +52,7 @@ ARMS = {
     "tracker": Arm("tracker", agent="tracker"),
     "random": Arm("random actions", agent="random"),
     "policy": Arm("given policy", agent="given"),
+    "lagrangian": Arm("PPO-Lagrangian", is_constrained=True),
 }
 GIVEN = "policy"
 OF_RUNS = tuple(name for name, arm in ARMS.items() if arm.agent != "given")

@@ -16,10 +16,12 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
+from agents.experiment.arms import ARMS
 from agents.experiment.config import Experiment, Options
 from agents.experiment.environments import make_vector_env
 from agents.experiment.files import write_safely
 from agents.experiment.runs import Run
+from agents.learn.lagrangian import CONSTRAINT_KEYS, LagrangianPPO, multiplier_from
 from agents.learn.sb3_vec import Sb3VectorEnv
 from quadsafe_core.checks import known_keywords, one_of
 
@@ -53,7 +55,12 @@ def algorithm_of(name: str) -> type[BaseAlgorithm]:
 
 
 def make_model(
-    experiment: Experiment, env: VecEnv, seed: int, device: str = "cpu", **over: Any
+    experiment: Experiment,
+    env: VecEnv,
+    seed: int,
+    device: str = "cpu",
+    is_constrained: bool = False,
+    **over: Any,
 ) -> BaseAlgorithm:
     """The experiment's algorithm; its weights, exploration and scenes are decided by the seed.
 
@@ -62,13 +69,15 @@ def make_model(
         env: what it learns on.
         seed: of the training.
         device: of torch.
+        is_constrained: whether it is PPO-Lagrangian, on top of the experiment's PPO.
         over: keywords of the constructor, over those of the experiment.
 
     Raises:
         ValueError, TypeError: naming what does not fit.
     """
-    algorithm = algorithm_of(experiment.algo)
-    settings = {name: value for name, value in experiment.hyperparams.items() if name != "n_envs"}
+    algorithm = LagrangianPPO if is_constrained else algorithm_of(experiment.algo)
+    not_its_own = ("n_envs",) if is_constrained else ("n_envs", *CONSTRAINT_KEYS)
+    settings = {name: value for name, value in experiment.hyperparams.items() if name not in not_its_own}
     if settings.get("use_sde"):
         raise ValueError("hyperparams must not have use_sde: such a training could not be resumed exactly")
     policy = {name: settings.pop(name) for name in POLICY_KEYS if name in settings}
@@ -141,9 +150,15 @@ def check_words(experiment: Experiment, options: Options) -> None:
     """
     algorithm = algorithm_of(experiment.algo)
     own = [name for name in signature(algorithm).parameters if name not in GIVEN]
+    constrained = [arm for arm in experiment.arms if ARMS[arm].is_constrained]
+    if constrained and experiment.algo != "ppo":
+        raise ValueError(f"algo must be 'ppo' for the arm {constrained[0]}, got {experiment.algo!r}")
+    own += CONSTRAINT_KEYS if constrained else ()
     known_keywords(algorithm.__name__, experiment.hyperparams, ("n_envs", *POLICY_KEYS, *own))
     if "activation_fn" in experiment.hyperparams:
         _activation(experiment.hyperparams["activation_fn"])
+    if constrained:
+        multiplier_from(experiment.hyperparams)
     try:
         torch.empty(0, device=options.device)
     except (RuntimeError, AssertionError) as error:

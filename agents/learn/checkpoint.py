@@ -21,7 +21,7 @@ from agents.learn.algorithms import write_tensors
 from agents.learn.sb3_vec import Sb3VectorEnv
 
 # What counts in a model beside its parameters, where its algorithm has it.
-COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls")
+COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_n_calls", "constraint")
 LAST = ("_last_obs", "_last_episode_starts")
 RECENT = ("ep_info_buffer", "ep_success_buffer")
 LOGGED = ("name_to_value", "name_to_count", "name_to_excluded")

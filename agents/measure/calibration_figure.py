@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from quadsafe_core.maths.residual import chain_residuals
 from shields.calibration.calibrate import Calibration
-from shields.calibration.excitations import Recorded
+from shields.calibration.excitations import FIFTHS, Recorded
 from shields.calibration.fit import paths_of, residual_norms
 from shields.settings.uncertainty import lag_told
 
@@ -53,7 +53,7 @@ def _title(found: Calibration, title: str) -> str:
 
 def _draw_velocity(axes: Any, flight: Recorded, axis: int, period: float) -> None:
     times, asked = period * np.arange(len(flight.flats)), flight.excitation.velocities[:, axis]
-    axes.step(np.arange(len(asked) + 1), [*asked, asked[-1]], where="post", color=ASKED, label="asked")
+    axes.step(np.arange(len(asked) + 1) / FIFTHS, [*asked, asked[-1]], where="post", color=ASKED, label="asked")
     axes.plot(times, flight.flats[:, 1, axis], color=FLOWN, label="flown")
     axes.set_ylabel(f"velocity {'xyz'[axis]}, m/s")
 

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from agents.experiment.arms import ARMS
 
 # Okabe and Ito's colours, told apart by every kind of eye.
-PALETTE = ("#d55e00", "#d99a00", "#0072b2", "#4fb0e6", "#009e73", "#b8609a", "#70757d", "#8a5a2b")
+PALETTE = ("#d55e00", "#d99a00", "#0072b2", "#4fb0e6", "#009e73", "#b8609a", "#70757d", "#8a5a2b", "#4b3f9e")
 COLORS = dict(zip(ARMS, cycle(PALETTE), strict=False))
 INK, QUIET, GRID, PAPER = "#22262b", "#6b7078", "#e9e8e4", "#ffffff"
 WITHOUT, SHIELDED = COLORS["none"], COLORS["shield"]

@@ -12,6 +12,7 @@ from agents.report.rates import IN_WORDS, in_words, metres
 Rows = dict[tuple[str, str, str], Row]
 WAYS = {
     "none": "without a shield",
+    "lagrangian": "by PPO-Lagrangian and without a shield",
     "shield": "with the shield",
     "collision-penalty": "with a collision penalty and no shield",
     "shield-penalty": "with the shield and a penalty on its interventions",

@@ -17,8 +17,8 @@ from quadsafe_env.vehicle.rotors import collected, thrust_and_torque
 
 Array = NDArray[np.float64]
 
-# s, of the rotors' thrusts; and what is told, which has the step that a stick takes to the motors in it.
-ROTORS, LAG = 0.02, 0.0215
+# s, of the rotors' thrusts; and with the step that a stick takes to the motors.
+ROTORS, LAG = 0.02, 0.021
 # Betaflight's motors are rear right, front right, rear left, front left; the loop's stand the other way round.
 ORDER = np.array([3, 2, 0, 1])
 # deg/s at a full stick; P of the rate loop, and the share of a motor's range that a P of 1 gives for 1 deg/s.
@@ -107,9 +107,10 @@ class BetaflightPlant(RotorPlant):
         throttle, turn = collected(tuple(np.sqrt(commands / self._full)), (0.25, 0.25, 0.25))
         rates = (np.degrees(omega) + np.array(turn) / (P * PER_P)) * (1.0, 1.0, -1.0)
         wanted = np.array([250.0 * throttle, *(500.0 / RATE * rates)]) + self._left
-        whole = np.clip(np.rint(wanted), (0, -500, -500, -500), (998, 500, 500, 500))
-        self.saturated += bool(np.any(np.abs(wanted - whole) > 1.0))
-        self._left = wanted - whole
+        nearest = np.rint(wanted)
+        whole = np.clip(nearest, (0, -500, -500, -500), (998, 500, 500, 500))
+        self.saturated += bool(np.any(whole != nearest))
+        self._left = wanted - nearest
         n, *turns = whole.astype(int).tolist()
         # Above its middle the firmware hears a throttle of a microsecond less.
         sticks = _sticks(LEAST + n + (n > 500), [MIDDLE + turn for turn in turns], HIGH)

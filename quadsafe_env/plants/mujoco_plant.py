@@ -13,6 +13,8 @@ from quadsafe_env.vehicle.rotors import levers
 
 # Its compiled half has no types.
 mujoco: Any = import_module("mujoco")
+# All that a step of the simulation begins from.
+REMEMBERED = mujoco.mjtState.mjSTATE_INTEGRATION
 # A Crazyflie's rotors settle to 2 % in 0.15 s, four time constants (arXiv 1903.04628).
 LAG = 0.0375
 MODEL = """
@@ -65,7 +67,16 @@ class MujocoPlant(RotorPlant):
         step: float = 0.001,
     ):
         super().__init__(params_from(params), lag, step)
-        shapes = [shape_from(body) for body in obstacles]
+        self._build([shape_from(body) for body in obstacles])
+
+    def among(self, shapes):
+        """See ``WithBodies``: of bodies that move, hulls and ellipsoids there are no geoms."""
+        geoms = [shape for shape in shapes if type(shape) in GEOMS and not any(shape.velocity)]
+        if geoms != self._shapes:
+            self._build(geoms)
+
+    def _build(self, shapes: Sequence[Shape]) -> None:
+        self._shapes = shapes
         self.model = mujoco.MjModel.from_xml_string(_model(self.params, self.lag, self.step, shapes))
         self.data = mujoco.MjData(self.model)
         self.contacts = 0
@@ -90,6 +101,17 @@ class MujocoPlant(RotorPlant):
         self.data.ctrl[:] = commands
         mujoco.mj_step(self.model, self.data)
         self.contacts += self._collides()
+
+    def remembered(self):
+        """See ``WithMemory``."""
+        simulated = np.empty(mujoco.mj_stateSize(self.model, REMEMBERED))
+        mujoco.mj_getState(self.model, self.data, simulated, REMEMBERED)
+        return np.array([*self._asked, self.saturated, self.contacts, *simulated])
+
+    def recall(self, memory):
+        """See ``WithMemory``."""
+        self._asked[:], (self.saturated, self.contacts) = memory[:2], map(int, memory[2:4])
+        mujoco.mj_setState(self.model, self.data, memory[4:], REMEMBERED)
 
     def _collides(self) -> bool:
         """Whether MuJoCo finds the vehicle in a body where it now is: a step leaves the contacts before it."""

@@ -153,9 +153,12 @@ class RotorPlant(Measured):
 
     def flat(self) -> Array:
         """See ``Plant``."""
+        return flat_state(self.state(), self.params)
+
+    def state(self) -> Array:
+        """See ``WithVehicle``."""
         body, thrusts = self.measure()
-        collective, rate, _, _ = given_by(thrusts, self._asked, self.lag, self._loop.lever)
-        return flat_state([*body, collective, rate], self.params)
+        return np.array([*body, *given_by(thrusts, self._asked, self.lag, self._loop.lever)[:2]])
 
     def fly(self, snap: Array, period: float) -> Array:
         """See ``Plant``."""

@@ -3,13 +3,16 @@
 An adapter is a file of its own here, imported when its name is asked for.
 """
 
+from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.checks import exact_array, one_of, positive_number
+from quadsafe_core.shapes.shape import Shape
+from quadsafe_env.vehicle.params import QuadrotorParams
 
 Array = NDArray[np.float64]
 
@@ -39,6 +42,52 @@ class Plant(Protocol):
 
     def fly(self, snap: Array, period: float) -> Array:
         """Fly a snap (3,), m/s⁴, held for a period, s; the positions (M, 3) after each own step, m."""
+        ...
+
+
+@runtime_checkable
+class WithVehicle(Protocol):
+    """A plant that says which vehicle it flies, how it stands, and when a rotor was at its stop.
+
+    ``params`` are of the vehicle, and ``saturated`` counts steps from the reset on.
+    """
+
+    params: QuadrotorParams
+    saturated: int
+
+    def state(self) -> Array:
+        """The state (20,), see ``quadsafe_env.vehicle.state``; as it comes, also where it is not finite."""
+        ...
+
+
+@runtime_checkable
+class WithBodies(Protocol):
+    """A plant that can have bodies of its own to collide with."""
+
+    def among(self, shapes: Sequence[Shape]) -> None:
+        """From the next reset on, fly among those of these that rest and that the plant can have."""
+        ...
+
+
+@runtime_checkable
+class WithMemory(Protocol):
+    """A plant that can go on, bit for bit, where an equal one was."""
+
+    def remembered(self) -> Array:
+        """All that it remembers, numbers (M,)."""
+        ...
+
+    def recall(self, memory: Array) -> None:
+        """Be where an equal plant, among equal bodies, was when it gave these numbers."""
+        ...
+
+
+@runtime_checkable
+class WithEnd(Protocol):
+    """A plant that holds what is to be given back, as a process."""
+
+    def close(self) -> None:
+        """Give it back; nothing is flown after it."""
         ...
 
 

@@ -17,6 +17,8 @@ from quadsafe_env.vehicle.params import PRESETS, QuadrotorParams, params_from
 PROPELLER = {"crazyflie": PRESETS["crazyflie"].radius - PRESETS["crazyflie"].arm, "hummingbird": 0.1}
 # RotorPy's rotors stand front left, front right, rear right, rear left; the loop's stand the other way round.
 ORDER = np.array([0, 3, 2, 1])
+# Numbers of each entry of a state of its.
+SIZES = {"x": 3, "v": 3, "q": 4, "w": 3, "wind": 3, "rotor_speeds": 4}
 # Share of the weight below which the thrust does not go.
 FLOOR = 0.1
 
@@ -65,6 +67,16 @@ class RotorpyPlant(RotorPlant):
         self._kept, self._per_square = float(np.exp(-step / self.lag)), numbers["k_eta"]
         self._range = numbers["rotor_speed_min"], numbers["rotor_speed_max"]
         self._state: dict[str, Any] = {}
+
+    def remembered(self):
+        """See ``WithMemory``."""
+        return np.concatenate([self._asked, [self.saturated], *(self._state[name] for name in SIZES)])
+
+    def recall(self, memory):
+        """See ``WithMemory``."""
+        self._asked[:], self.saturated = memory[:2], int(memory[2])
+        parts = np.split(memory[3:].copy(), np.cumsum([*SIZES.values()])[:-1])
+        self._state = dict(zip(SIZES, parts, strict=True))
 
     def place(self, body, thrusts):
         """See ``RotorPlant``."""

@@ -69,6 +69,13 @@ class Sitl:
             RuntimeError: where a port is in use, for a firmware that does not start, and after ``close``.
         """
         self._check_open()
+        try:
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self) -> None:
         self._running.close()
         for port, kind in (
             (STATE, socket.SOCK_DGRAM),

@@ -7,6 +7,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from quadsafe_env.disturbances.disturbed_world import DisturbedWorld, FilmedDisturbedWorld, ShownDisturbedWorld
+from quadsafe_env.others.plant_world import FilmedPlantWorld, PlantWorld, ShownPlantWorld
 from quadsafe_env.pictures.film import FilmedWorld, ShownWorld
 from quadsafe_env.references.following import AHEAD_ENTRIES, Following
 from quadsafe_env.signals.given import Signals, observed, rewarded
@@ -228,3 +229,15 @@ class ToldFilmedDisturbedWorld(ToldWorld, FilmedDisturbedWorld):
 
 class ToldShownDisturbedWorld(ToldWorld, ShownDisturbedWorld):
     """A told world under conditions of one row whose every step is shown in a window."""
+
+
+class ToldPlantWorld(ToldWorld, PlantWorld):
+    """A told world of plants that others wrote."""
+
+
+class ToldFilmedPlantWorld(ToldWorld, FilmedPlantWorld):
+    """A told world of plants that others wrote that can be photographed."""
+
+
+class ToldShownPlantWorld(ToldWorld, ShownPlantWorld):
+    """A told world of one plant that others wrote whose every step is shown in a window."""

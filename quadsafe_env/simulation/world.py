@@ -67,6 +67,8 @@ class World:
 
     conditions: Conditions = OFF
     compensates_lag = False
+    plants: tuple[Any, ...] = ()  # those that others wrote, where they fly
+    _scale_of = staticmethod(action_scale)
 
     def __init__(
         self,
@@ -87,7 +89,7 @@ class World:
         self._periods = rates.control // rates.policy
         self.observation_size = OWN_ENTRIES + ENTRIES[task.layout] * task.observed_count
         self.snap_filter = PassThrough()
-        self.action_scale = np.array(action_scale(action, params))
+        self.action_scale = np.array(self._scale_of(action, params))
         self._measure: Measure = MEASURES[action]
         self.rotor_limits = rotor_limits
         # Without limits the kernels are compiled without the rotors.
@@ -98,7 +100,7 @@ class World:
             Plant(
                 params=params,
                 gains=gains_at(self.control_period),
-                scale=action_scale(action, params),
+                scale=self._scale_of(action, params),
                 low=task.low,
                 high=task.high,
                 dt=1.0 / rates.physics,
@@ -194,8 +196,7 @@ class World:
 
     def seed(self, rows: NDArray[np.intp], words: NDArray[np.int64]) -> None:
         """Start the episode count of the rows over: their next scene is the seed, words (len(rows), 2)."""
-        self._seeds[rows] = words
-        self._episodes[rows] = 0
+        self._seeds[rows], self._episodes[rows] = words, 0
 
     def reset(self, rows: NDArray[np.intp]) -> None:
         """Place the given rows at the start of their next scene."""

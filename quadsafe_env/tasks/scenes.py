@@ -157,6 +157,7 @@ class Task:
     | `largest_keep_out` | up to here, m, the drawing finds bodies that are clear of start and goal|
     | `layout`           | of the entries: "spheres" or "surfaces" (``tasks.reward``)              |
     | `is_mixed`         | whether bodies of other kinds than spheres are drawn                    |
+    | `moves`            | whether drawn bodies have velocities                                    |
     | `opening_count`    | places for openings that are passed in order before the goal counts     |
     | `blocked`          | among given bodies, least share of scenes with a blocked straight way   |
     """
@@ -170,6 +171,7 @@ class Task:
     largest_keep_out: float = math.inf
     layout: str = "spheres"
     is_mixed: bool = False
+    moves: bool = False
     opening_count: int = 0
     blocked: float = 0.0
 
@@ -203,6 +205,10 @@ class Task:
             memory: of the scenes; start and goal are drawn.
             cores: (N, K) ``CORE`` of a mixed task, else None.
         """
+        raise NotImplementedError
+
+    def velocities(self, words, rows, velocities):
+        """Write the velocities (N, K, 3), m/s, of the bodies of the given rows."""
         raise NotImplementedError
 
     def openings(self, words, rows, memory, openings):

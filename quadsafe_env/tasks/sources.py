@@ -112,7 +112,7 @@ class MixedScenes:
         self._count = task.body_count if draws else 0
         self.body_count = self._count + len(given)
         self.is_mixed = given.cores is not None or (draws and task.is_mixed)
-        self.moves = given.velocity is not None
+        self.moves = given.velocity is not None or (draws and task.moves)
         self._drawn = scene_memory(n, self._count)
         self._drawn_core = np.zeros((n, self._count), dtype=CORE)
         self._drawn_core["kind"] = SPHERE
@@ -158,6 +158,10 @@ class MixedScenes:
             drawn.radius[rows],
         )
         parts.core[rows, : self._count] = self._drawn_core[rows]
+        if self._task.moves:
+            velocities = np.zeros((len(parts.velocity), self._count, 3))
+            self._task.velocities(words, rows, velocities)
+            parts.velocity[rows, : self._count] = velocities[rows]
         if self._task.opening_count:
             self._task.openings(words, rows, self._drawn, parts.openings)
 

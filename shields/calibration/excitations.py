@@ -7,6 +7,8 @@ Every second of a flight is one of
     vertical   all of the speed, up or down
     hover      no velocity
     step       the velocity that was, and for the first fifth of the second a snap on top
+    chatter    every fifth of the second all of the speed along a new direction: what follows one has not
+               settled when the next one comes, as where a shield and its pilot do not agree
 
 The first is a turn at all of the speed.
 """
@@ -22,24 +24,24 @@ Array = NDArray[np.float64]
 
 # Triple pole of the velocity commands, 1/s.
 POLE = 6.0
-KINDS = ("turn", "reversal", "vertical", "hover", "step")
-# Of a step: longest snap on top, m/s⁴, and its time, s.
-STEP, STEP_TIME = 100.0, 0.2
-NONE = np.zeros(3)
+KINDS = ("turn", "reversal", "vertical", "hover", "step", "chatter")
+# Longest snap on top of a step, m/s⁴.
+STEP = 100.0
+# Commands in a second.
+FIFTHS = 5
 
 
 class Excitation(NamedTuple):
-    """The commands of a flight: in each second a velocity, and a snap on top at first, (S, 3) both."""
+    """The commands of S seconds: in each fifth of them a velocity, and a snap on top, (5 S, 3) both."""
 
     velocities: Array
     steps: Array
 
     def snap(self, time: float, flat: Array) -> Array:
         """What is asked for at a time, s, of a flat state (4, 3)."""
-        second = int(time + 1e-9)
-        on_top = self.steps[second] if time - second < STEP_TIME - 1e-9 else NONE
-        follow = POLE**3 * (self.velocities[second] - flat[1])
-        return follow - 3 * POLE**2 * flat[2] - 3 * POLE * flat[3] + on_top
+        now = int(FIFTHS * time + 1e-9)
+        follow = POLE**3 * (self.velocities[now] - flat[1])
+        return follow - 3 * POLE**2 * flat[2] - 3 * POLE * flat[3] + self.steps[now]
 
 
 class Recorded(NamedTuple):
@@ -52,14 +54,14 @@ class Recorded(NamedTuple):
 
 def drawn(rng: np.random.Generator, seconds: int, speed: float) -> Excitation:
     """An excitation by chance."""
-    velocities, steps = np.zeros((seconds, 3)), np.zeros((seconds, 3))
+    velocities, steps = np.zeros((seconds, FIFTHS, 3)), np.zeros((seconds, FIFTHS, 3))
     velocities[0] = speed * _direction(rng)
     for i in range(1, seconds):
         kind = KINDS[rng.integers(len(KINDS))]
-        velocities[i] = _velocity(rng, kind, velocities[i - 1], speed)
+        velocities[i] = _velocities(rng, kind, velocities[i - 1, -1], speed)
         if kind == "step":
-            steps[i] = rng.uniform(0.0, STEP) * _direction(rng)
-    return Excitation(velocities, steps)
+            steps[i, 0] = rng.uniform(0.0, STEP) * _direction(rng)
+    return Excitation(velocities.reshape(-1, 3), steps.reshape(-1, 3))
 
 
 def flown(plant: Any, excitation: Excitation, period: float) -> Recorded:
@@ -68,7 +70,7 @@ def flown(plant: Any, excitation: Excitation, period: float) -> Recorded:
     Raises:
         TypeError, ValueError: where the plant gives numbers that are not finite, or not (4, 3).
     """
-    count = round(len(excitation.velocities) / period)
+    count = int(len(excitation.velocities) / FIFTHS / period + 1e-9)
     flats, snaps = np.zeros((count + 1, 4, 3)), np.empty((count, 3))
     plant.reset(np.zeros((4, 3)))
     flats[0] = exact_array("flat state of the plant after 0 s", plant.flat(), (4, 3))
@@ -81,7 +83,10 @@ def flown(plant: Any, excitation: Excitation, period: float) -> Recorded:
     return Recorded(flats, snaps, excitation)
 
 
-def _velocity(rng: np.random.Generator, kind: str, before: Array, speed: float) -> Array:
+def _velocities(rng: np.random.Generator, kind: str, before: Array, speed: float) -> Array:
+    """Of a second, (5, 3), or (3,) for all of it."""
+    if kind == "chatter":
+        return speed * np.array([_direction(rng) for _ in range(FIFTHS)])
     if kind == "turn":
         return rng.uniform(0.5, 1.0) * speed * _direction(rng)
     if kind == "vertical":

@@ -10,7 +10,7 @@ import shutil
 
 import numpy as np
 import pytest
-from c_flights import FLIGHTS, attack, fly, numbers_off, random_states, random_worlds
+from c_flights import FLIGHTS, after, attack, fly, numbers_off, random_states, random_worlds
 from c_shield import CShields, Library, build, differences, library, settings_in
 from house import ROOT
 from random_shapes import random_shape
@@ -120,6 +120,23 @@ def test_flights_under_attack(name):
     different, certified, _ = fly(library(), FLIGHTS[name], 40, 250)
     assert different == 0
     assert certified > 0.5
+
+
+def test_a_stop_does_not_outlive_its_period():
+    flight, n = FLIGHTS["spheres"], 300
+    rng = np.random.default_rng(6)
+    obstacles, flats = random_worlds(rng, n, flight), random_states(rng, n)
+    shield = Shield()
+    mine = CShields(library(), shield, n)
+    for step, period in enumerate([0.01, 0.03, 0.03, 0.01]):
+        # Nothing is wanted: every answer is a stop.
+        snaps = np.full((n, 3), np.nan) if step % 2 else attack(rng, flats, obstacles, 25)
+        theirs = shield.filter(flats, obstacles, snaps, period)
+        assert not mine.prepare(period).any()
+        mine.exactly(shield, period)
+        answers, codes = mine.filter(flats, library().worlds(obstacles), snaps, period)
+        assert not codes.any() and not len(differences(answers, theirs))
+        flats = after(flats, theirs.snap, period)
 
 
 def test_the_stored_stop_is_flown_in_these_flights():

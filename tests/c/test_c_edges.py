@@ -234,11 +234,17 @@ def test_what_is_no_shape_is_invalid():
     bodies = [
         ("sphere", (nan, 0.0, 0.0), 1.0, None),
         ("sphere", at, -1.0, None),
+        ("sphere", None, 1.0, None),
+        ("capsule", None, at, 1.0, None),
+        ("capsule", at, None, 1.0, None),
         ("cylinder", at, at, 1.0, None),
+        ("box", None, at, None, None),
         ("box", at, (1.0, -1.0, 1.0), None, None),
         ("box", at, (1.0, 1.0, 1.0), (1.0, 0.1, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), None),
         ("box", at, (1.0, 1.0, 1.0), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0), None),
         ("half_space", at, 1.0),
+        ("half_space", (float("inf"), 0.0, 0.0), 1.0),
+        ("half_space", (0.0, 0.0, 1.0), nan),
         ("hull", None, 1, 1.0, None),
     ]
     assert [int(library().body(*body)["kind"]) for body in bodies] == [invalid] * len(bodies)
@@ -302,6 +308,19 @@ def test_float_flies_as_double_does_but_for_rounding():
         near["value"], exact["value"], rtol=1e-3
     )
     assert not np.array_equal(near["snap"], exact["snap"]) or near["value"] != exact["value"]
+
+
+def test_the_flat_map_refuses_what_has_no_answer():
+    states, snaps, yaw = np.ones((5, 20)), np.ones((5, 3)), np.zeros(5)
+    states[1, 18], states[2, 3], snaps[3, 0], yaw[4] = 0.0, np.nan, np.inf, np.nan
+    body = np.array([0.5, 0.01, 0.01, 0.02, 9.81])
+    flats, wrenches, codes = np.zeros((5, 12)), np.zeros((5, 4)), np.zeros(5, dtype=np.int32)
+    library().call("flat_rows", 5, states, body, flats, codes)
+    assert codes.tolist() == [DONE, DONE, BAD_STATE, DONE, DONE]
+    library().call("wrench_rows", 5, states, snaps, yaw, body, wrenches, codes)
+    assert codes.tolist() == [DONE, *[BAD_STATE] * 4]
+    library().call("wrench_rows", 5, states, snaps, yaw, np.zeros(5), wrenches, codes)
+    assert codes.tolist() == [BAD_STATE] * 5
 
 
 def test_null_is_a_code():

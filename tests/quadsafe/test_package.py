@@ -59,7 +59,7 @@ def test_every_package_in_the_wheel_says_that_it_is_typed():
         assert name.endswith(".*") or (ROOT / name / "py.typed").exists(), name
     assert PROJECT["tool"]["setuptools"]["package-data"] == {
         "*": ["py.typed"],
-        "quadsafe_env.plants": ["*.json"],
+        "quadsafe_env.plants": ["*.json", "sitl_clock.c"],
     }
 
 

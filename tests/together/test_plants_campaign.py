@@ -1,6 +1,7 @@
 """The campaign of other plants: cut off anywhere it goes on, and its table is what was flown."""
 
 import csv
+import json
 
 import pytest
 from house import script
@@ -25,7 +26,7 @@ def test_what_was_flown_is_not_flown_again_and_the_rest_is_the_same(campaign, tm
     cell.file.unlink()
     cell.fly(1)
     assert {**cell.rows()[0], "seconds": ""} == {**before[0], "seconds": ""}
-    cell.file.write_text(cell.file.read_text().replace("0.454", "0.999"))
+    cell.file.write_text(cell.file.read_text().replace("rotor_lag", "another_lag"))
     with pytest.raises(ValueError, match="must be of flights that were told"):
         cell.fly(2)
 
@@ -38,6 +39,7 @@ def test_the_table_counts_what_was_flown(campaign, tmp_path):
     off, _, told = csv.DictReader(out.read_text(encoding="utf-8").splitlines())
     assert (off["flights"], off["violated"], told["violated"]) == ("2", "2.0", "0.0")
     assert told["certified"] == "1.0" and told["surprised_flights"] == "0.0"
-    assert float(told["greatest_snap"]) < 1.32 and float(told["least_clearance"]) > 0.0
+    assert float(told["greatest_snap"]) < json.loads(told["told"])["snap"]
+    assert float(told["least_clearance"]) > 0.0
     line = campaign.table(out).splitlines()[-1]
     assert line.startswith("| mujoco | sphere | 2 of 2 | ") and "| 0 of 2 [≤ 77.64 %] |" in line

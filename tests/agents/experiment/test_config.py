@@ -97,9 +97,11 @@ def test_the_arms_are_those_that_a_study_of_shields_reports():
         "shield",
         "shield-penalty",
         "cbf",
+        "lagrangian",
     ]
     assert {name for name, arm in ARMS.items() if arm.is_shielded} == {"shield", "shield-penalty", "cbf"}
     assert ARMS["collision-penalty"].collision_penalty > 0 and ARMS["shield-penalty"].intervention_penalty > 0
+    assert [name for name, arm in ARMS.items() if arm.is_constrained] == ["lagrangian"]
     assert ARMS["cbf"].shield == {"method": "cbf"}
     assert len({arm.title for arm in ARMS.values()}) == len(ARMS)
 

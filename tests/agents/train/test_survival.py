@@ -133,6 +133,7 @@ def stop_after_each_rollout(monkeypatch, run):
         ("ppo", "shield-penalty", SMALL, 640),
         ("ppo", "cbf", SMALL, 640),
         ("ppo", "collision-penalty", SMALL, 640),
+        ("ppo", "lagrangian", {**SMALL, "cost_limit": 0.1}, 640),
         ("sac", "shield", REPLAYING, 160),
         ("td3", "none", REPLAYING, 160),
     ],
