@@ -10,7 +10,7 @@
 #define EXPORT(name) __attribute__((export_name(#name))) name
 
 enum { VEHICLES = 2, PARTS = 5, POINTS = 128, STOP_PERIODS = 512 };
-static const qs_real PERIOD = 0.01;       /* s, of control; a collision is looked for in each of its PARTS */
+static const qs_real PERIOD = 0.01;       /* s, of control; a collision is looked for after each of its PARTS */
 static const qs_real VELOCITY_POLE = 6.0; /* rad/s, three of them, as in quadsafe_env/vehicle/actions.py */
 
 typedef struct {
@@ -153,7 +153,7 @@ void EXPORT(place)(int i, qs_real x, qs_real y, qs_real z) {
 /* Put a vehicle where another is, with its memory. */
 void EXPORT(join)(int i, int other) { fleet[i] = fleet[other]; }
 
-/* One control period with a velocity command; 1 if the vehicle was in a shape in any part of it. */
+/* One control period with a velocity command; 1 if the vehicle was in a shape after any part of it. */
 int EXPORT(step)(int i, qs_real vx, qs_real vy, qs_real vz, int is_shielded) {
     vehicle *x = &fleet[i];
     const qs_real command[3] = {vx, vy, vz}, p = VELOCITY_POLE;

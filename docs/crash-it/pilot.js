@@ -26,7 +26,7 @@ class Pilot {
   keyDown(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
     // A button that has the focus keeps the keys that press it.
-    if (event.code === "Space" && event.target.closest("button, a")) return;
+    if (event.code === "Space" && event.target.closest("button")) return;
     if (FLIES[event.code]) {
       this.held.add(event.code);
       event.preventDefault();
