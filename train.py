@@ -24,12 +24,9 @@ from agents.experiment.command_line import (
     Report,
     Train,
     Watch,
-    called,
-    errors_as_sentences,
-    interrupts_end_quietly,
     parse,
-    program,
 )
+from agents.experiment.program import called, errors_as_sentences, interrupts_end_quietly, program
 
 
 def train(command: Train) -> int:

@@ -1,8 +1,7 @@
 """The command line of ``train.py``."""
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +11,7 @@ import tyro
 
 from agents.experiment.config import Experiment, Options, check_positive
 from agents.experiment.pairs import Pairs
+from agents.experiment.program import program
 from quadsafe_core.nearest_word import did_you_mean
 from quadsafe_core.registration import IDS
 
@@ -239,16 +239,6 @@ def given(command: Evaluate | Watch, *names: str) -> dict[str, Any]:
     return {name: getattr(command, name) for name in names if getattr(command, name) not in (None, {})}
 
 
-def program() -> str:
-    """What was called: "quadsafe", the command that is installed, or "train.py"."""
-    return "quadsafe" if Path(sys.argv[0]).stem == "quadsafe" else "train.py"
-
-
-def called() -> str:
-    """How it is called again."""
-    return "quadsafe" if program() == "quadsafe" else "python train.py"
-
-
 def _given(options: Options) -> Experiment | None:
     """The experiment of a run to go on with, or of a file of settings."""
     if options.trained_agent is None and options.config is None:
@@ -275,26 +265,6 @@ def _check_words(experiment: Experiment) -> None:
         raise ValueError(
             f"env_kwargs must leave out action, which is --action, got {experiment.env_kwargs['action']!r}"
         )
-
-
-@contextmanager
-def errors_as_sentences() -> Iterator[None]:
-    """Ends the program with one sentence where what the user asked for cannot be done."""
-    try:
-        yield
-    except (ValueError, TypeError, OSError) as error:
-        print(f"{program()}: error: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-
-
-@contextmanager
-def interrupts_end_quietly() -> Iterator[None]:
-    """Ends the program with the exit status of an interrupt, and no traceback."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        print(f"{program()}: interrupted", file=sys.stderr)
-        raise SystemExit(130) from None
 
 
 def _spelled(kind: type, words: list[str], name: str, *default: Train) -> Any:

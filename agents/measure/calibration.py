@@ -5,7 +5,8 @@ import sys
 from importlib.metadata import version
 from typing import Any
 
-from agents.experiment.command_line import Calibrate, called
+from agents.experiment.command_line import Calibrate
+from agents.experiment.program import called
 from agents.measure.calibration_figure import draw
 from quadsafe_env.plants import make_plant
 from quadsafe_env.plants.plant import ADAPTERS

@@ -14,9 +14,10 @@ import yaml
 from house import ROOT
 
 from agents.experiment.arms import ARMS
-from agents.experiment.command_line import Evaluate, Report, Train, called, parse, program
+from agents.experiment.command_line import Evaluate, Report, Train, parse
 from agents.experiment.config import Experiment, Options, experiment_from_dict, to_dict
 from agents.experiment.pairs import pairs_from
+from agents.experiment.program import called, program
 from agents.experiment.runs import Run, create_run, extended_run, open_run
 from quadsafe_core.registration import IDS
 

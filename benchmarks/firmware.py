@@ -1,0 +1,179 @@
+"""What the C shield costs on a microcontroller: instructions a call, flash, stack, memory.
+
+    python benchmarks/onboard.py             # make firmware
+    python benchmarks/onboard.py --out docs/data/onboard.csv
+
+It takes Debian's gcc-arm-none-eabi and qemu-system-arm. QEMU counts instructions, not cycles: 1,500 control
+periods among 1, 4 and 10 spheres, flown at the nearest at full speed, every third second by random snaps. The
+stack is the deepest path of the call graph that the compiler writes, with what each function takes.
+"""
+
+import argparse
+import csv
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).parents[1]
+COMPILER, SIMULATOR, SIZES = "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size"
+FLAGS = [
+    "-std=c99",
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Werror",
+    "-mthumb",
+    "-ffunction-sections",
+    "-ffp-contract=off",
+]
+HARNESS_FLAGS = [flag for flag in FLAGS if flag != "-Wpedantic"]
+LINK = ["-nostartfiles", "-Wl,--gc-sections", "-lm"]
+
+
+class Target(NamedTuple):
+    """A processor, its floats, what the compiler is to look at, and the board that QEMU has of it."""
+
+    name: str
+    processor: str
+    real: str
+    level: str
+    board: str
+
+    def flags(self) -> list[str]:
+        """For the compiler."""
+        return [*self.processor.split(), self.level, "-mfloat-abi=hard", *REALS[self.real]]
+
+
+# What a program for spheres calls; the shapes come with the filter.
+ROOTS = ("qs_defaults", "qs_init", "qs_prepare", "qs_sphere", "qs_filter", "qs_backup")
+REALS = {"float": ["-DQS_FLOAT"], "double": []}
+M4, M7 = "-mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "-mcpu=cortex-m7 -mfpu=fpv5-d16"
+TARGETS = (
+    Target("Cortex-M4F", M4, "float", "-O2", "mps2-an386"),
+    Target("Cortex-M4F", M4, "float", "-Os", "mps2-an386"),
+    Target("Cortex-M4F", M4, "double", "-O2", "mps2-an386"),
+    Target("Cortex-M7", M7, "float", "-O2", "mps2-an500"),
+    Target("Cortex-M7", M7, "double", "-O2", "mps2-an500"),
+)
+
+
+def run(*command: str | Path, cwd: Path = ROOT) -> str:
+    """What a command prints; an error with what it said where it fails."""
+    done = subprocess.run([str(part) for part in command], cwd=cwd, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        raise SystemExit(f"{command[0]} failed with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout + done.stderr
+
+
+def library(target: Target, folder: Path) -> list[Path]:
+    """Objects of the library, with the stack of its functions and their calls beside them."""
+    objects = []
+    for source in sorted((ROOT / "c").glob("*.c")):
+        objects.append(folder / f"{source.stem}.o")
+        flags = [*FLAGS, *target.flags(), "-fcallgraph-info=su", "-c"]
+        run(COMPILER, *flags, source, "-o", objects[-1])
+    return objects
+
+
+def deepest(folder: Path, entry: str) -> int:
+    """Bytes of stack of the deepest path of calls from a function."""
+    own: dict[str, int] = {}
+    calls: dict[str, set[str]] = {}
+    for graph in folder.glob("*.ci"):
+        text = graph.read_text()
+        for title, label in re.findall(r'node: { title: "([^"]+)" label: "([^"]*)"', text):
+            found = re.search(r"(\d+) bytes", label)
+            own[title] = int(found.group(1)) if found else own.get(title, 0)
+        for caller, called in re.findall(r'edge: { sourcename: "([^"]+)" targetname: "([^"]+)"', text):
+            calls.setdefault(caller, set()).add(called)
+
+    def depth(name: str, above: tuple[str, ...]) -> int:
+        if name in above:
+            raise SystemExit(f"{name} calls itself by way of {above[-1]}")
+        return own.get(name, 0) + max((depth(one, (*above, name)) for one in calls.get(name, ())), default=0)
+
+    return depth(entry, ())
+
+
+def flash_of(target: Target, objects: list[Path], folder: Path) -> int:
+    """Bytes of the library and of what it takes of libm and libgcc, nothing else."""
+    roots = [f"-Wl,-u,{name}" for name in ROOTS]
+    image = folder / "library.elf"
+    run(COMPILER, *target.flags(), "-mthumb", *roots, "-Wl,-e,qs_filter", *objects, *LINK, "-o", image)
+    return int(run(SIZES, image).splitlines()[1].split()[0])
+
+
+def measured(target: Target, folder: Path) -> list[dict[str, Any]]:
+    """Rows of the table, one for each number of spheres."""
+    folder.mkdir(parents=True, exist_ok=True)
+    objects = library(target, folder)
+    image, sources = folder / "count.elf", [ROOT / "c/firmware/board.c", ROOT / "c/firmware/count.c"]
+    script = ["-I", ROOT / "c", "-T", ROOT / "c/firmware/cortex.ld"]
+    run(COMPILER, *HARNESS_FLAGS, *target.flags(), *script, *sources, *objects, *LINK, "-o", image)
+    machine = ["-M", target.board, "-nographic", "-monitor", "none", "-serial", "none"]
+    told = run(
+        SIMULATOR,
+        *machine,
+        "-semihosting-config",
+        "enable=on,target=native",
+        "-icount",
+        "shift=7",
+        "-kernel",
+        image,
+    )
+    flash = flash_of(target, objects, folder)
+    stack = deepest(folder, "qs_filter")
+    rows = []
+    for line in told.splitlines():
+        spheres, calls, mean, most, violated = map(int, line.split())
+        rows.append(
+            {
+                "target": target.name,
+                "real": target.real,
+                "level": target.level,
+                "spheres": spheres,
+                "calls": calls,
+            }
+            | {"mean": mean, "most": most, "most_a_sphere": most // spheres, "violated": violated}
+            | {"flash": flash, "stack": stack}
+        )
+    return rows
+
+
+def main() -> None:
+    """Every target; a table, and a CSV file where one is asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, help="CSV file")
+    given = parser.parse_args()
+    missing = [name for name in (COMPILER, SIMULATOR, SIZES) if shutil.which(name) is None]
+    if missing:
+        print(f"skipped: {', '.join(missing)} not found; Debian has gcc-arm-none-eabi and qemu-system-arm")
+        sys.exit(0)
+    rows = [
+        row
+        for target in TARGETS
+        for row in measured(target, ROOT / f"logs/firmware/{target.name}-{target.real}{target.level}")
+    ]
+    print(
+        "| processor | reals | level | spheres | instructions a call, mean | most | flash, bytes | stack, bytes |"
+    )
+    print("|---|---|---|---:|---:|---:|---:|---:|")
+    for row in rows:
+        print(
+            f"| {row['target']} | {row['real']} | `{row['level']}` | {row['spheres']} | {row['mean']:,} | {row['most']:,} "
+            f"| {row['flash']:,} | {row['stack']:,} |"
+        )
+    if given.out:
+        with given.out.open("w", newline="") as file:
+            writer = csv.DictWriter(file, rows[0])
+            writer.writeheader()
+            writer.writerows(rows)
+    if any(row["violated"] for row in rows):
+        raise SystemExit("a flight violated")
+
+
+if __name__ == "__main__":
+    main()
