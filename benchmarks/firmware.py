@@ -19,16 +19,8 @@ from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[1]
 COMPILER, SIMULATOR, SIZES = "arm-none-eabi-gcc", "qemu-system-arm", "arm-none-eabi-size"
-FLAGS = [
-    "-std=c99",
-    "-Wall",
-    "-Wextra",
-    "-Wpedantic",
-    "-Werror",
-    "-mthumb",
-    "-ffunction-sections",
-    "-ffp-contract=off",
-]
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+FLAGS = ["-std=c99", *WARNINGS, "-mthumb", "-ffunction-sections", "-ffp-contract=off"]
 HARNESS_FLAGS = [flag for flag in FLAGS if flag != "-Wpedantic"]
 LINK = ["-nostartfiles", "-Wl,--gc-sections", "-lm"]
 
@@ -114,32 +106,14 @@ def measured(target: Target, folder: Path) -> list[dict[str, Any]]:
     script = ["-I", ROOT / "c", "-T", ROOT / "c/firmware/cortex.ld"]
     run(COMPILER, *HARNESS_FLAGS, *target.flags(), *script, *sources, *objects, *LINK, "-o", image)
     machine = ["-M", target.board, "-nographic", "-monitor", "none", "-serial", "none"]
-    told = run(
-        SIMULATOR,
-        *machine,
-        "-semihosting-config",
-        "enable=on,target=native",
-        "-icount",
-        "shift=7",
-        "-kernel",
-        image,
-    )
+    machine += ["-semihosting-config", "enable=on,target=native", "-icount", "shift=7"]
+    told = run(SIMULATOR, *machine, "-kernel", image)
     flash = flash_of(target, objects, folder)
     stack = deepest(folder, "qs_filter")
-    rows = []
+    rows, where = [], {"target": target.name, "real": target.real, "level": target.level}
     for line in told.splitlines():
-        spheres, calls, mean, most, violated = map(int, line.split())
-        rows.append(
-            {
-                "target": target.name,
-                "real": target.real,
-                "level": target.level,
-                "spheres": spheres,
-                "calls": calls,
-            }
-            | {"mean": mean, "most": most, "most_a_sphere": most // spheres, "violated": violated}
-            | {"flash": flash, "stack": stack}
-        )
+        found = dict(zip(("spheres", "calls", "mean", "most", "violated"), map(int, line.split()), strict=True))
+        rows.append({**where, **found, "flash": flash, "stack": stack})
     return rows
 
 
@@ -152,20 +126,13 @@ def main() -> None:
     if missing:
         print(f"skipped: {', '.join(missing)} not found; Debian has gcc-arm-none-eabi and qemu-system-arm")
         sys.exit(0)
-    rows = [
-        row
-        for target in TARGETS
-        for row in measured(target, ROOT / f"logs/firmware/{target.name}-{target.real}{target.level}")
-    ]
-    print(
-        "| processor | reals | level | spheres | instructions a call, mean | most | flash, bytes | stack, bytes |"
-    )
+    folder = ROOT / "logs/firmware"
+    rows = [row for one in TARGETS for row in measured(one, folder / f"{one.name}-{one.real}{one.level}")]
+    print("| processor | reals | level | spheres | instructions a call, mean | most | flash, B | stack, B |")
     print("|---|---|---|---:|---:|---:|---:|---:|")
     for row in rows:
-        print(
-            f"| {row['target']} | {row['real']} | `{row['level']}` | {row['spheres']} | {row['mean']:,} | {row['most']:,} "
-            f"| {row['flash']:,} | {row['stack']:,} |"
-        )
+        where = f"{row['target']} | {row['real']} | `{row['level']}` | {row['spheres']}"
+        print(f"| {where} | {row['mean']:,} | {row['most']:,} | {row['flash']:,} | {row['stack']:,} |")
     if given.out:
         with given.out.open("w", newline="") as file:
             writer = csv.DictWriter(file, rows[0])

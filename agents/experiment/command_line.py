@@ -74,7 +74,10 @@ class Evaluate:
 
 @dataclass(frozen=True)
 class Export:
-    """Write the policy of a run for other programs: from observations (N, D) to the actions that it flies."""
+    """Write the policy of a run for other programs: from observations (N, D) to the actions that it flies.
+
+    Or its flights in held-out scenes, as a Minari data set.
+    """
 
     run: tyro.conf.Positional[Path]
     """Run folder, as logs/QuadSafe-Avoid-v0_1."""
@@ -82,10 +85,10 @@ class Export:
     """Whose policy; the last that was trained unless given."""
     seed: int | None = None
     """Which of its trainings; its first unless given."""
-    format: Literal["onnx", "torchscript"] = "onnx"
-    """Kind of file; onnx needs pip install "quadsafe[onnx]"."""
+    format: Literal["onnx", "torchscript", "minari"] = "onnx"
+    """Kind of file; onnx needs pip install "quadsafe[onnx]", minari, its flights, "quadsafe[minari]"."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File to write; policy.onnx or policy.ts beside the weights unless given."""
+    """File to write; policy.onnx, policy.ts or the folder flights beside the weights unless given."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from agents.measure.results import flight_row, result_rows
 from agents.policies.adapters import agent_from
 from agents.policies.evaluation import Evaluation, evaluate_in
 from agents.policies.export import DEFAULT_NAMES, export_policy
+from agents.policies.minari_file import export_flights
 from agents.report.tables import aligned, evaluation_table
 from agents.report.watch import Showing, show
 from quadsafe_env.settings import scene_integer
@@ -73,5 +74,7 @@ def export_of_run(command: Export) -> str:
     run = open_run(command.run)
     arm, seed = run.chosen_training(command.arm, command.seed)
     path = command.output or run.folder_of(arm, seed) / DEFAULT_NAMES[command.format]
+    if command.format == "minari":
+        return f"Arm {arm}, seed {seed}. {export_flights(run, arm, seed, path)}"
     told = export_policy(load_policy(run, arm, seed), path, command.format)
     return f"Arm {arm}, seed {seed}. {told}"

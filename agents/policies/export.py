@@ -20,7 +20,7 @@ from agents.experiment.files import write_safely
 from agents.policies.onnx_file import MISSING, OnnxPolicy
 from quadsafe_core.checks import one_of
 
-DEFAULT_NAMES = {"onnx": "policy.onnx", "torchscript": "policy.ts"}
+DEFAULT_NAMES = {"onnx": "policy.onnx", "torchscript": "policy.ts", "minari": "flights"}
 CHECKED = 256  # observations
 # In single precision; sums of other programs have another order.
 TOLERANCE = 1e-5
