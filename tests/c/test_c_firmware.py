@@ -1,4 +1,4 @@
-"""The app layer for a Crazyflie compiles, and the firmware that counts instructions keeps clear on a host too."""
+"""The app layer for a Crazyflie compiles, and what counts instructions keeps clear on a host too."""
 
 import re
 import shutil
