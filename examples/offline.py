@@ -6,8 +6,10 @@ python examples/offline.py flights
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import torch
 
@@ -66,4 +68,6 @@ if __name__ == "__main__":
 
     # Scenes that are not in the data.
     scenes = range(2**62, 2**62 + options.scenes)
-    print(agents.evaluate(Clone(network), flights.recover_environment().unwrapped, list(scenes)))
+    # The shield that the flights had is put around it there.
+    env = gymnasium.make(replace(flights.spec.env_spec, additional_wrappers=()))
+    print(agents.evaluate(Clone(network), env, list(scenes)))
