@@ -6,8 +6,10 @@ python examples/offline.py flights
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import torch
 
@@ -18,6 +20,7 @@ from agents.policies.minari_file import read_flights
 def cloned(observations: np.ndarray, actions: np.ndarray, steps: int) -> torch.nn.Module:
     """A network that gives these actions for these observations, in the least squares, by Adam."""
     torch.manual_seed(0)
+    torch.set_num_threads(1)
     hidden = [
         torch.nn.Linear(observations.shape[1], 64),
         torch.nn.Tanh(),
@@ -36,10 +39,23 @@ def cloned(observations: np.ndarray, actions: np.ndarray, steps: int) -> torch.n
     return network
 
 
+class Clone:
+    """What ``agents.evaluate`` flies many scenes of at once."""
+
+    def __init__(self, network: torch.nn.Module):
+        self._network = network
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Actions (N, 4) of observations (N, D)."""
+        with torch.no_grad():
+            actions = self._network(torch.as_tensor(observation)).numpy()
+        return np.clip(actions, -1.0, 1.0), None
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("flights", type=Path)
-    parser.add_argument("--steps", type=int, default=5000)
+    parser.add_argument("--steps", type=int, default=3000)
     parser.add_argument("--scenes", type=int, default=200)
     options = parser.parse_args()
     flights = read_flights(options.flights)
@@ -50,10 +66,8 @@ if __name__ == "__main__":
         options.steps,
     )
 
-    @torch.no_grad()
-    def policy(observation):
-        return np.clip(network(torch.as_tensor(observation)).numpy(), -1.0, 1.0)
-
     # Scenes that are not in the data.
     scenes = range(2**62, 2**62 + options.scenes)
-    print(agents.evaluate(policy, flights.recover_environment().unwrapped, list(scenes)))
+    # The shield that the flights had is put around it there.
+    env = gymnasium.make(replace(flights.spec.env_spec, additional_wrappers=()))
+    print(agents.evaluate(Clone(network), env, list(scenes)))
