@@ -1,7 +1,11 @@
 """Flights as a Minari data set: what is read back is what was flown."""
 
+import runpy
+import sys
+
 import numpy as np
 import pytest
+from house import ROOT
 
 import train
 from agents.experiment.arms import ARMS
@@ -66,3 +70,16 @@ def test_without_minari_a_sentence_says_what_to_install(run, monkeypatch):
     monkeypatch.setattr(minari_file, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install .quadsafe\[minari\]"):
         minari_file.export_flights(run, "none", 0, run.folder / "flights")
+
+
+def test_a_clone_of_the_flights_flies_scenes_that_are_not_in_them(run, monkeypatch, capsys):
+    pytest.importorskip("minari")
+    pytest.importorskip("h5py")
+    folder = run.folder_of("shield", 0) / "flights"
+    assert train.main(["export", str(run.folder), "--arm", "shield", "--format", "minari"]) == 0
+    words = ["offline.py", str(folder), "--steps", "20", "--scenes", "3"]
+    monkeypatch.setattr(sys, "argv", words)
+    capsys.readouterr()
+    runpy.run_path(str(ROOT / "examples/offline.py"), run_name="__main__")
+    told = capsys.readouterr().out
+    assert "3 episodes" in told or "of 3" in told, told
