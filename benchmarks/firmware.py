@@ -120,7 +120,7 @@ def measured(target: Target, folder: Path) -> list[dict[str, Any]]:
 def main() -> None:
     """Every target; a table, and a CSV file where one is asked for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, help="CSV file")
+    parser.add_argument("--out", type=Path, default=ROOT / "logs/firmware/onboard.csv", help="CSV file")
     given = parser.parse_args()
     missing = [name for name in (COMPILER, SIMULATOR, SIZES) if shutil.which(name) is None]
     if missing:
@@ -133,11 +133,10 @@ def main() -> None:
     for row in rows:
         where = f"{row['target']} | {row['real']} | `{row['level']}` | {row['spheres']}"
         print(f"| {where} | {row['mean']:,} | {row['most']:,} | {row['flash']:,} | {row['stack']:,} |")
-    if given.out:
-        with given.out.open("w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
+    with given.out.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
     if any(row["violated"] for row in rows):
         raise SystemExit("a flight violated")
 

@@ -55,7 +55,7 @@ class VehicleRow(Row):
 
     def state(self) -> Array:
         """The state (20,) that it is in."""
-        return self.plant.state()
+        return self.plant.body_state()
 
     def saturated(self) -> int:
         """Steps in which a rotor was at its stop."""

@@ -153,9 +153,9 @@ class RotorPlant(Measured):
 
     def flat(self) -> Array:
         """See ``Plant``."""
-        return flat_state(self.state(), self.params)
+        return flat_state(self.body_state(), self.params)
 
-    def state(self) -> Array:
+    def body_state(self) -> Array:
         """See ``WithVehicle``."""
         body, thrusts = self.measure()
         return np.array([*body, *given_by(thrusts, self._asked, self.lag, self._loop.lever)[:2]])

@@ -55,7 +55,7 @@ class WithVehicle(Protocol):
     params: QuadrotorParams
     saturated: int
 
-    def state(self) -> Array:
+    def body_state(self) -> Array:
         """The state (20,), see ``quadsafe_env.vehicle.state``; as it comes, also where it is not finite."""
         ...
 

@@ -19,6 +19,7 @@ from c_shield import (
     KINDS,
     CShields,
     library,
+    made_in_c,
 )
 from house import ROOT
 from random_shapes import random_shape
@@ -203,29 +204,6 @@ def test_shapes_are_those_of_python(kind):
         assert np.isclose(made["radius"], body.radius, rtol=0, atol=0)
         assert np.allclose(made["half"], body.half, rtol=ULPS, atol=0)
         assert np.allclose(made["axes"], body.axes, rtol=0, atol=ULPS)
-
-
-def made_in_c(shape, found=None):
-    """A shape by the function of its kind, and for a hull the points that have to stay."""
-    found = found or library()
-    arguments = {
-        "sphere": lambda s: (s.center, s.radius, None),
-        "capsule": lambda s: (s.start, s.end, s.radius, None),
-        "cylinder": lambda s: (s.start, s.end, s.radius, None),
-        "box": lambda s: (s.center, s.size, None if s.rotation is None else np.ravel(s.rotation), None),
-        "half_space": lambda s: (s.normal, s.offset),
-        "hull": lambda s: (kept(s.points, found), len(s.points), s.radius, None),
-    }
-    return found.body(shape.name, *arguments[shape.name](shape))
-
-
-KEPT = []
-
-
-def kept(points, found):
-    """Points that stay where they are: a hull in C keeps the pointer."""
-    KEPT.append(found.reals(points))
-    return KEPT[-1]
 
 
 def test_what_is_no_shape_is_invalid():

@@ -147,6 +147,29 @@ class Library:
         return found
 
 
+def made_in_c(shape, found=None):
+    """A shape by the function of its kind, and for a hull the points that have to stay."""
+    found = found or library()
+    arguments = {
+        "sphere": lambda s: (s.center, s.radius, None),
+        "capsule": lambda s: (s.start, s.end, s.radius, None),
+        "cylinder": lambda s: (s.start, s.end, s.radius, None),
+        "box": lambda s: (s.center, s.size, None if s.rotation is None else np.ravel(s.rotation), None),
+        "half_space": lambda s: (s.normal, s.offset),
+        "hull": lambda s: (kept(s.points, found), len(s.points), s.radius, None),
+    }
+    return found.body(shape.name, *arguments[shape.name](shape))
+
+
+KEPT = []
+
+
+def kept(points, found):
+    """Points that stay where they are: a hull in C keeps the pointer."""
+    KEPT.append(found.reals(points))
+    return KEPT[-1]
+
+
 class CShields:
     """N shields in C with the settings of a ``Shield`` of Python, flown together.
 

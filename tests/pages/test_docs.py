@@ -152,7 +152,7 @@ def test_an_example_that_needs_another_one_is_noticed(block, error):
 )
 def test_ids_are_known_after_the_import_of_either_island(room):
     names = "[name for name in gymnasium.registry if name.startswith('QuadSafe/')]"
-    block = f"import gymnasium, {room}\nassert len([gymnasium.make(name) for name in {names}]) == 6"
+    block = f"import gymnasium, {room}\nassert len([gymnasium.make(name) for name in {names}]) == 7"
     outcome = run_alone(block)
     assert outcome.returncode == 0, outcome.stderr
 

@@ -20,8 +20,10 @@ from quadsafe import (
     Conditions,
     Cylinder,
     Ellipsoid,
+    GoalConditioned,
     HalfSpace,
     Hull,
+    Monitor,
     Obstacles,
     QuadrotorEnv,
     QuadrotorParams,
@@ -84,6 +86,19 @@ CONSTRUCTORS = {
         },
     ),
     "ShieldWrapper": (wrapped, {}, WRAPPER),
+    "Monitor": (
+        Monitor,
+        {"shield": Shield()},
+        {"type": ({"shield": {"margin": 0.0}}, "shield must be a Shield, got dict")},
+    ),
+    "GoalConditioned": (
+        GoalConditioned,
+        {"env": gymnasium.make("QuadSafe/Avoid-v0")},
+        {
+            "type": ({"env": "Avoid"}, "env must be a single environment of quadsafe_env, got str"),
+            "shape": ({"env": gymnasium.make("QuadSafe/Gates-v0")}, "env must have no openings"),
+        },
+    ),
     "VectorShieldWrapper": (wrapped_rows, {}, WRAPPER),
     "Authority": (
         Authority,

@@ -76,6 +76,8 @@ KEYWORDS = {
     "camera, a named tuple": ("Avoid", {"camera": Camera(elevation=40.0, distance=5)}),
     "caption": ("Avoid", {"caption": "PPO, seed 3"}),
     "max_episode_steps": ("Avoid", {"max_episode_steps": 7}),
+    "plant, a name": ("Avoid", {"plant": "mujoco"}),
+    "plant, a mapping": ("Avoid", {"plant": {"name": "mujoco", "step": np.float64(0.002)}}),
 }
 SHIELDS = {
     "no": None,

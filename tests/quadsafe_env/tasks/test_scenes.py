@@ -169,7 +169,10 @@ def test_forest_takes_a_number_and_a_size_of_spheres(count, sizes):
         ({"task": "forest", "sphere_radius": [0.0, 0.2]}, "sphere_radius must be [least, greatest]"),
         ({"task": "forest", "sphere_radius": [[0.1, 0.2]]}, "sphere_radius must have shape (2,), got (1, 2)"),
         ({"task": "forest", "sphere_count": 2, "obstacles": []}, "sphere_count and sphere_radius must be left"),
-        ({"task": "maze"}, "task must be one of 'flight', 'avoid', 'forest', 'rooms', 'gates', 'track', got"),
+        (
+            {"task": "maze"},
+            "task must be one of 'flight', 'avoid', 'forest', 'rooms', 'gates', 'track', 'moving', got",
+        ),
     ],
 )
 def test_scenes_that_cannot_be_drawn_are_refused(keywords, sentence):
