@@ -158,7 +158,9 @@ class QuadrotorVectorEnv(PlainSpec, PlantAccess, VectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the plants that others wrote."""
-        self._world.close()
+        # Gymnasium closes an env whose settings were refused, too.
+        if hasattr(self, "_world"):
+            self._world.close()
 
     def _rows(self, mask: Any) -> NDArray[np.intp]:
         if mask is None:
