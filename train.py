@@ -46,7 +46,7 @@ def train(command: Train) -> int:
         run = runs.begin_run(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
         with engines.StopRequest(run.stop_file) as stop, progress_bar.ProgressBar(run, jobs, command.options):
-            failures = engine.run(run, jobs, command.options)
+            failures = engines.run_jobs(engine, run, jobs, command.options)
 
     for (arm, seed), failure in failures.items():
         print(f"{program()}: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
