@@ -70,7 +70,7 @@ class Filter(ABC):
 
     can_lose = False
 
-    def __init__(self, settings: Mapping[str, Any], margin: float):
+    def __init__(self, settings: Mapping[str, Any], margin: float = 0.0):
         self.settings, self.vehicle = dict(settings), vehicle_of(settings)
         declared = settings["uncertainty"]
         self.delay = 0 if declared is None else int(declared["delay"])
@@ -84,9 +84,9 @@ class Filter(ABC):
     def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
         """The answer to one row that was not let through: state (4, 3), desired snap (3,)."""
 
-    @abstractmethod
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
-        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3)."""
+        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3); none if a filter does not say."""
+        return np.zeros(len(flat), dtype=np.bool_)
 
     def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
         """The answers to the rows (M,) that were not let through, of states (N, 4, 3), desired snaps (N, 3)."""
