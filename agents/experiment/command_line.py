@@ -50,8 +50,9 @@ class Evaluate:
     """Number of held-out scenes, when another than that of the run; 200 of a policy."""
     num_threads: int = 1
     """Threads of torch."""
-    filter: Literal["", "hocbf", "predictive", "geometric"] = ""
-    """Of a run: fly every agent behind this filter of others, and leave tables and report as they are."""
+    filter: str = ""
+    """Of a run: fly every agent behind this filter of others, hocbf, predictive, geometric or module:Class, and
+    leave tables and report as they are."""
     env: str | None = None
     """Of a policy: id of the environment, QuadSafe/Avoid-v0 unless given."""
     action: str | None = None

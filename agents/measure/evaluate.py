@@ -16,6 +16,7 @@ from agents.experiment.files import write_csv, write_json
 from agents.experiment.runs import Run
 from agents.learn.algorithms import load_policy
 from agents.learn.episodes import EPISODE, EpisodeCounter
+from agents.methods.wrapper import file_word
 from agents.tracking import Tracker
 
 # Training scenes start below this integer; see agents.learn.algorithms.
@@ -129,20 +130,20 @@ def evaluate_behind(run: Run, arm: str, seed: int, name: str, eval_episodes: int
     The episodes; flights_NAME.csv and solver_NAME.json come to lie beside its flights.csv.
 
     Raises:
-        ValueError: for a name that is none of ``agents.methods.wrapper.METHODS``.
+        ValueError, TypeError: for a name that is no filter's, see ``agents.methods.wrapper.make_filter``.
     """
     scenes = held_out_scenes(eval_episodes)
     experiment = behind(of_arm(run.experiment, arm_of(arm)), name)
     env = make_vector_env(experiment, len(scenes), is_shielded=True)
     episodes = fly(agent_of(run, arm, seed, env), env, scenes)
     write_counts(run, arm, seed, name, env)
-    _write(run.folder_of(arm, seed) / f"flights_{name}.csv", scenes, ((True, episodes),))
+    _write(run.folder_of(arm, seed) / f"flights_{file_word(name)}.csv", scenes, ((True, episodes),))
     return episodes
 
 
 def write_counts(run: Run, arm: str, seed: int, name: str, env: Any) -> None:
     """What the solver of the filter in front of an env did, into solver_NAME.json of one arm with one seed."""
-    write_json(run.folder_of(arm, seed) / f"solver_{name}.json", env.shield.counts())
+    write_json(run.folder_of(arm, seed) / f"solver_{file_word(name)}.json", env.shield.counts())
 
 
 def write_flights(

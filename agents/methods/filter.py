@@ -43,6 +43,15 @@ class Answer(NamedTuple):
     """Whether its solver gave no answer, and something else is flown."""
 
 
+class Answers(NamedTuple):
+    """What a filter wants of M rows."""
+
+    snap: Floats
+    """(M, 3), m/s⁴."""
+    failed: NDArray[np.bool_]
+    """(M,), see ``Answer``."""
+
+
 class Filter(ABC):
     """A filter in the slot of a plant, told of as the shield is: see ``shields.slot.recorded``.
 
@@ -61,7 +70,7 @@ class Filter(ABC):
 
     can_lose = False
 
-    def __init__(self, settings: Mapping[str, Any], margin: float):
+    def __init__(self, settings: Mapping[str, Any], margin: float = 0.0):
         self.settings, self.vehicle = dict(settings), vehicle_of(settings)
         declared = settings["uncertainty"]
         self.delay = 0 if declared is None else int(declared["delay"])
@@ -75,9 +84,16 @@ class Filter(ABC):
     def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
         """The answer to one row that was not let through: state (4, 3), desired snap (3,)."""
 
-    @abstractmethod
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
-        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3)."""
+        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3); none if a filter does not say."""
+        return np.zeros(len(flat), dtype=np.bool_)
+
+    def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
+        """The answers to the rows (M,) that were not let through, of states (N, 4, 3), desired snaps (N, 3)."""
+        found = Answers(np.empty((len(rows), 3)), np.zeros(len(rows), dtype=np.bool_))
+        for i, row in enumerate(rows.tolist()):
+            found.snap[i], found.failed[i] = self._timed(row, flat[row], bodies, snap[row])
+        return found
 
     @property
     def microseconds_per_call(self) -> float | None:
@@ -85,7 +101,10 @@ class Filter(ABC):
         return float(np.median(self._nanoseconds)) / 1000.0 if self._nanoseconds else None
 
     def counts(self) -> dict[str, float | None]:
-        """Rows answered, for how many ``answer`` was asked, how often it failed, and its median time."""
+        """Rows answered, for how many ``answer`` was asked, how many had no solution, and its median time.
+
+        A row without a solution counts, whoever found that there is none.
+        """
         return {
             "calls": self.calls,
             "solver_calls": self.solver_calls,
@@ -104,19 +123,16 @@ class Filter(ABC):
         if len(self._sent) != len(flat):
             self._sent = np.zeros((len(flat), self.delay, 3))
         flat = self._ahead(flat, period)
-        bodies, is_finite = (
-            bodies_of(obstacles, self.delay * period),
-            np.logical_and.reduce(np.isfinite(snap), axis=1),
-        )
-        wanted = np.where(is_finite[:, None], snap, braking(flat, period))
+        bodies = bodies_of(obstacles, self.delay * period)
+        is_finite = np.logical_and.reduce(np.isfinite(snap), axis=1)
+        wanted = snap if is_finite.all() else np.where(is_finite[:, None], snap, braking(flat, period))
         filtered = Filtered(np.zeros(NUMBERS * len(flat)), (len(flat),))
         filtered.snap[:], facts = wanted, filtered.facts
         facts["fallback"] = ~is_finite
         self.calls += len(flat)
-        for row in np.flatnonzero(~self.passes(flat, bodies, wanted, period)).tolist():
-            found = self._timed(row, flat[row], bodies, wanted[row])
-            filtered.snap[row] = found.snap
-            facts["fallback"][row] = found.failed or not is_finite[row]
+        rows = np.flatnonzero(~self.passes(flat, bodies, wanted, period))
+        filtered.snap[rows], failed = self.answers(rows, flat, bodies, wanted)
+        facts["fallback"][rows] = failed | ~is_finite[rows]
         self._tell(facts, flat, bodies, filtered.snap - wanted)
         self._sent = np.concatenate([self._sent, filtered.snap[:, None]], axis=1)[:, 1:]
         return filtered
