@@ -17,6 +17,7 @@ brakes for a period. The way to r_stop is not looked at: the margin is there for
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -92,6 +93,7 @@ class GeometricFilter(Filter):
         return -np.einsum("o,noi->ni", self._gains, flat[:, 1:])
 
 
+@cache
 def braking_law(pole: float, period: float) -> tuple[Floats, Floats]:
     """Gains (3,) on (v, a, j), and the weights (3,) of these in the way to rest."""
     gains, (step, added) = held_gains(3, pole, period), chain_over(period)

@@ -15,7 +15,7 @@ from agents.experiment.runs import create_run
 from agents.measure.evaluate import fly, held_out_scenes
 from agents.methods import predictive
 from agents.methods.geometric import GeometricFilter, braking_law, with_stop
-from agents.methods.halfspaces import bodies_of, halfspaces
+from agents.methods.halfspaces import bodies_of, halfspace
 from agents.methods.hocbf_qp import HocbfFilter
 from agents.methods.horizon import BLOCK
 from agents.methods.predictive import PredictiveFilter
@@ -133,11 +133,12 @@ def test_a_snap_that_is_no_number_is_answered_by_braking():
 def test_half_spaces_are_those_at_the_nearest_point_of_a_body_where_it_will_be():
     box, ball = Box((1.0, 0.0, 0.0), (1.0, 1.0, 1.0)), Sphere((0.0, 3.0, 0.0), 0.5, velocity=(0.0, -1.0, 0.0))
     bodies = bodies_of(Obstacles.pack([[box, ball]], keep_out=0.1))
-    point = np.array([[-1.0, 0.0, 0.0]])
-    n, c = halfspaces(bodies, 0, point, np.array([2.0]))
-    assert n[0, 0] == pytest.approx([-1.0, 0.0, 0.0]) and c[0, 0] == pytest.approx(-0.5 + 0.1)
+    point = (-1.0, 0.0, 0.0)
+    n, c = halfspace(bodies, 0, 0, point, 2.0)
+    assert n == pytest.approx((-1.0, 0.0, 0.0)) and c == pytest.approx(-0.5 + 0.1)
     # In two seconds the ball is at (0, 1, 0).
-    assert n[0, 1] @ point[0] - c[0, 1] == pytest.approx(np.sqrt(2.0) - 0.6)
+    n, c = halfspace(bodies, 0, 1, point, 2.0)
+    assert np.dot(n, point) - c == pytest.approx(np.sqrt(2.0) - 0.6)
 
 
 @needs_solver
