@@ -21,8 +21,8 @@ from shields.settings.chain import chain_over
 class Vehicle(NamedTuple):
     """What a filter may ask of a vehicle: the numbers that the sampled shield counts on."""
 
-    snap_max: float
-    """Longest snap of a stop, m/s⁴."""
+    held_snap: float
+    """Longest snap that may be commanded, m/s⁴; that of a stop where no other is told."""
     jerk_max: float
     """m/s³."""
     least_thrust: float
@@ -199,9 +199,9 @@ def vehicle_of(settings: Mapping[str, Any]) -> Vehicle:
     if own is not None:
         names = ("snap_max", "jerk_max", "specific_thrust_min", "specific_thrust_max", "gravity")
         return Vehicle(*(own[name] for name in names))
-    jerk, most = settings["jerk_max"], settings["specific_thrust_max"]
+    held, jerk, most = (settings[name] for name in ("held_snap_max", "jerk_max", "specific_thrust_max"))
     return Vehicle(
-        settings["snap_max"] * settings["reserve"],
+        settings["snap_max"] * settings["reserve"] if held is None else held,
         math.inf if jerk is None else jerk,
         settings["specific_thrust_min"],
         math.inf if most is None else most,

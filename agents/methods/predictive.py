@@ -65,7 +65,7 @@ def limits_of(vehicle: Vehicle) -> Limits:
     g, most = vehicle.gravity, vehicle.most_thrust
     acceleration = (math.sqrt(g * g + 3.0 * (most * most - g * g)) - g) / 3.0
     root = math.sqrt(3.0)
-    return Limits(vehicle.snap_max / root, vehicle.jerk_max / root, acceleration, vehicle.least_thrust - g)
+    return Limits(vehicle.held_snap / root, vehicle.jerk_max / root, acceleration, vehicle.least_thrust - g)
 
 
 class Programme(NamedTuple):
@@ -117,7 +117,7 @@ class PredictiveFilter(Filter):
         jerk: share of j_max/√3 that a plan may take along an axis; with √3 the box is about the ball.
     """
 
-    def __init__(self, settings: Mapping[str, Any], blocks: int = 9, margin: float = 0.04, jerk: float = 1.7):
+    def __init__(self, settings: Mapping[str, Any], blocks: int = 6, margin: float = 0.04, jerk: float = 1.0):
         super().__init__(settings, margin)
         check_solver()
         self.blocks, limits = positive_integer("blocks", blocks), limits_of(self.vehicle)
