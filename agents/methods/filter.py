@@ -105,7 +105,7 @@ class Filter:
         return float(np.median(self._nanoseconds)) / 1000.0 if self._nanoseconds else None
 
     def counts(self) -> dict[str, float | None]:
-        """Rows answered, for how many ``answer`` was asked, how many had no solution, and its median time.
+        """Rows answered, for how many a solver was asked, how many had no solution, and its median time.
 
         A row without a solution counts, whoever found that there is none.
         """

@@ -8,8 +8,9 @@ Every h has relative degree 4 along the chain r⁗ = u, so that with ψ_0 = h, �
     sphere         h = ‖ρ‖² − D², ρ = r − c(t)   2 ρ·u ≥ −(6 a·a + 8 v·j + 4p ḣ̈̇ + 6p² ḧ + 4p³ ḣ + p⁴ h)
     other bodies   h = n·r − c(t) − margin, n the normal at the nearest point, held   n·u ≥ −(4p n·j + …)
 
-with D the keep-out radius and the margin. The box lies in the ball of the snaps that may be commanded. The sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is
-infeasible, which is counted, and the snap of the box is flown that violates the rows least,
+with D the keep-out radius and the margin. The box lies in the ball of the snaps that may be commanded. The
+sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is infeasible,
+which is counted, and the snap of the box is flown that violates the rows least,
 
     minimise ‖u − u_des‖² + W s²   subject to   rows + s ≥ 0, with s in m/s⁴ of rows of unit length
 
