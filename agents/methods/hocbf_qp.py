@@ -8,9 +8,9 @@ Every h has relative degree 4 along the chain r⁗ = u, so that with ψ_0 = h, �
     sphere         h = ‖ρ‖² − D², ρ = r − c(t)   2 ρ·u ≥ −(6 a·a + 8 v·j + 4p ḣ̈̇ + 6p² ḧ + 4p³ ḣ + p⁴ h)
     other bodies   h = n·r − c(t) − margin, n the normal at the nearest point, held   n·u ≥ −(4p n·j + …)
 
-with D the keep-out radius and the margin. The box lies in the ball of the snaps that the vehicle is taken to
-give. The sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is
-infeasible, which is counted, and the snap of the box is flown that violates the rows least,
+with D the keep-out radius and the margin. The box lies in the ball of the snaps that may be commanded. The
+sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is infeasible,
+which is counted, and the snap of the box is flown that violates the rows least,
 
     minimise ‖u − u_des‖² + W s²   subject to   rows + s ≥ 0, with s in m/s⁴ of rows of unit length
 
@@ -108,11 +108,11 @@ class HocbfFilter(Filter):
         margin: kept beyond every keep-out distance, m.
     """
 
-    def __init__(self, settings: Mapping[str, Any], gain: float = 8.0, margin: float = 0.005):
+    def __init__(self, settings: Mapping[str, Any], gain: float = 12.0, margin: float = 0.005):
         super().__init__(settings, margin)
         check_solver()
         self.gain = positive_number("gain", gain)
-        self.largest = self.vehicle.snap_max / math.sqrt(3.0)
+        self.largest = self.vehicle.held_snap / math.sqrt(3.0)
 
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
         """Rows whose desired snap keeps every constraint: it is the solution."""

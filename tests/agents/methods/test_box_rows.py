@@ -80,3 +80,11 @@ def test_a_corner_of_two_walls_is_left_to_daqp_and_one_wall_is_not():
         answer = found.filter(state, bodies, np.array([[0.0, 5.0, -7.0]]), 0.01)
         assert answer.snap[0] == pytest.approx(wanted, abs=1e-4)
         assert found.solver_calls == n - 1 and found.calls == 1 and found.solver_failures == 0
+
+
+@needs_solver
+def test_the_box_lies_in_the_ball_of_the_snaps_that_may_be_commanded():
+    """A stop may take 600 m/s⁴; where nothing else is told, no more is commanded."""
+    for held, longest in ((900.0, 900.0), (None, 600.0)):
+        corner = np.full(3, HocbfFilter(Shield(held_snap_max=held).settings).largest)
+        assert np.linalg.norm(corner) == pytest.approx(longest)
