@@ -56,10 +56,11 @@ def test_zero_has_its_exact_bound_and_hidden_failures_are_told(compared):
 
 def test_the_sampled_shield_against_a_method_paired_by_seed(compared):
     ours, theirs = [0.9, 0.8, 1.0, 0.95, 0.7], [0.8, 0.7, 0.9, 0.85, 0.6]
-    cell = compared([*successes("sampled", ours), *successes("ppo", theirs)]).cells[PLACE]
+    cell = compared([*successes("sampled", ours), *successes("ppo", theirs, heldout_violations=7)]).cells[PLACE]
     against = cell["ppo"].against
     assert against is not None and cell["sampled"].against is None
     assert against.success.value == pytest.approx(0.1) and against.success.low == pytest.approx(0.1)
+    assert against.violations.value == pytest.approx(-0.07)
     # Of the 25 pairs 17 are better; 0.9, 0.8 and 0.7 are there on both sides.
     assert against.better.value == pytest.approx((17 + 3 * 0.5) / 25)
     # All five on one side, and equal but for the last bit: two of 2^5 choices of signs.
