@@ -187,7 +187,7 @@ static qs_vec certified_snap(qs_shield *shield, qs_vec wanted, int is_wanted, co
             return blend;
         }
     }
-    advance_stop(&shield->stop, period);
+    shift_stop(&shield->stop, period, 1);
     return back;
 }
 

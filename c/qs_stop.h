@@ -11,6 +11,7 @@
 #include "qs_numbers.h"
 
 enum { SEGMENTS = 3, LENGTHS = 13 };
+#define ALMOST Q(1e-4) /* of a period: what is less has been flown, but for rounding */
 /* Segment lengths that are tried, 0.1 * 1.25^k s. */
 static const qs_real LENGTH[LENGTHS] = {
     Q(0.1), Q(0.1 * 1.25), Q(0.1 * 1.5625), Q(0.1 * 1.953125), Q(0.1 * 2.44140625), Q(0.1 * 3.0517578125),
@@ -135,13 +136,16 @@ static qs_state reference(const qs_stop *stop, qs_real period) {
     return flown(&begin, held_snap(stop, period), elapsed(stop, period));
 }
 
-/* Move the stored stop on by a period; within 1e-4 of one it has reached the end of its segment. */
-static void advance_stop(qs_stop *stop, qs_real period) {
-    stop->periods_left -= 1;
-    if (stop->periods_left > 1e-4f) return;
-    qs_state x = flown(&stop->begin, held_snap(stop, period), length_now(stop, period));
-    stop->segments_left -= stop->segments_left > 0;
-    begin_segment(stop, &x, period);
+/* Move the stored stop on by so many periods, or back within its segment. */
+static void shift_stop(qs_stop *stop, qs_real period, qs_real count) {
+    stop->periods_left = (float)((qs_real)stop->periods_left - count);
+    while ((qs_real)stop->periods_left <= ALMOST) {
+        qs_real left = (qs_real)stop->periods_left < -ALMOST ? (qs_real)stop->periods_left : 0;
+        qs_state x = flown(&stop->begin, held_snap(stop, period), length_now(stop, period));
+        stop->segments_left -= stop->segments_left > 0;
+        begin_segment(stop, &x, period);
+        stop->periods_left = (float)((qs_real)stop->periods_left + left);
+    }
 }
 
 /* Snap that brings the vehicle back onto the stored stop. */
@@ -152,9 +156,19 @@ static qs_vec feedback(const qs_stop *stop, const qs_state *x, const qs_rules *r
     return combined(combined(u, k[2], subtract(ref.a, x->a)), k[3], subtract(ref.j, x->j));
 }
 
+/* The snap of the stored stop, in the mean of the next period if its segment ends within that. */
+static qs_vec mean_snap(const qs_stop *stop, qs_real period) {
+    qs_vec held = held_snap(stop, period), after = NOTHING;
+    qs_real share = (qs_real)stop->periods_left, h = length_now(stop, period);
+    if (share >= 1 - ALMOST) return held;
+    qs_state end = flown(&stop->begin, held, h);
+    if (stop->segments_left > 1) after = dead_beat_snap(&end, stop->frame, h);
+    return combined(scale(1 - share, after), share, held);
+}
+
 /* Snap of the stored stop with its feedback, cut off at the largest that is flown. */
 static qs_vec tracking_snap(const qs_stop *stop, const qs_state *x, const qs_rules *rules) {
-    qs_vec u = combined(held_snap(stop, rules->period), 1, feedback(stop, x, rules));
+    qs_vec u = combined(mean_snap(stop, rules->period), 1, feedback(stop, x, rules));
     return within_ball(u, rules->limits.snap_max);
 }
 
