@@ -98,10 +98,12 @@ def random_states(rng, n):
 
 
 def attack(rng, flats, obstacles, step):
-    """Desired snaps (N, 3): for twenty steps at an obstacle, for twenty steps anything, some not finite."""
+    """Desired snaps (N, 3): twenty steps at an obstacle, twenty anything, some not finite, twice; forty of none."""
     n, k = obstacles.radius.shape
     wild = rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(0.0, 3.0, (n, 1))
     wild[rng.random(n) < 0.002] = np.nan
+    if step % 120 >= 80:
+        return np.full((n, 3), np.nan)
     if step // 20 % 2:
         return wild
     way = obstacles.center[np.arange(n), rng.integers(0, k, n)] - flats[:, 0]
