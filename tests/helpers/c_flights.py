@@ -98,7 +98,7 @@ def random_states(rng, n):
 
 
 def attack(rng, flats, obstacles, step):
-    """Desired snaps (N, 3): twenty steps at an obstacle, twenty anything, some not finite, twice; forty of none."""
+    """Desired snaps (N, 3): twenty steps at an obstacle, twenty of anything, twice; then forty not finite."""
     n, k = obstacles.radius.shape
     wild = rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(0.0, 3.0, (n, 1))
     wild[rng.random(n) < 0.002] = np.nan
