@@ -23,13 +23,12 @@ static int keeps_band(const qs_state *x, qs_vec snap, qs_real t, const qs_limits
 static int stop_keeps_limits(qs_state *x, qs_vec frame, qs_real h, const qs_limits *limits) {
     for (int segment = 0; segment < SEGMENTS; ++segment) {
         qs_vec snap = dead_beat_snap(x, frame, h);
-        qs_state end = flown(x, snap, h);
         for (int i = 1; i < 8; ++i)
             if (!keeps_band(x, snap, (qs_real)i / 8 * h, limits)) return 0;
-        if (!(keeps_band(&end, snap, 0, limits) && norm(snap) <= limits->stop_snap_max &&
-              norm(end.j) <= limits->jerk_max))
+        fly_on(x, snap, h);
+        if (!(keeps_band(x, snap, 0, limits) && norm(snap) <= limits->stop_snap_max &&
+              norm(x->j) <= limits->jerk_max))
             return 0;
-        *x = end;
     }
     return 1;
 }
@@ -44,7 +43,7 @@ static int stop_is_clear(const qs_state *begin, qs_real start, qs_vec frame, qs_
     for (int segment = 0; segment < SEGMENTS; ++segment) {
         qs_vec snap = dead_beat_snap(&x, frame, h);
         if (look_at_arc(&x, snap, start + segment * h, h, all, limits) != CLEAR) return 0;
-        x = flown(&x, snap, h);
+        fly_on(&x, snap, h);
     }
     return own_rest_is_clear(&x, frame, start + SEGMENTS * h, all);
 }
@@ -100,7 +99,7 @@ static int look_at_stored_stop(const qs_stop *stop, qs_real period, const bodies
         qs_vec snap = dead_beat_snap(&x, stop->frame, h);
         int arc = look_at_arc(&x, snap, start, h, all, NULL);
         found = arc > found ? arc : found;
-        x = flown(&x, snap, h);
+        fly_on(&x, snap, h);
         start += h;
     }
     int rests = rest_is_clear(x.r, stop->frame, start, all) && own_rest_is_clear(&x, stop->frame, start, all);

@@ -44,27 +44,31 @@ static void new_shares(qs_real t, qs_real lag, qs_real n[5]) {
     for (int k = 1; k < 5; ++k) n[k] = 1 - k * n[k - 1] / ratio;
 }
 
-/* The vehicle after its lead x has flown the snap for t. */
-static void follow(qs_state *y, const qs_state *x, qs_vec snap, qs_real t) {
+/* The vehicle after its lead has flown the snap for t. */
+static void follow(qs_state *x, qs_vec snap, qs_real t) {
     qs_real n[5];
     new_shares(t, x->lag, n);
     qs_real n0 = n[0], old = 1 - n0, n1 = n[1] * t, n2 = n[2] * t * t / 2, n3 = n[3] * cubed(t) / 6;
-    y->own_j = combined(combined(scale(old, x->own_j), n0, x->j), n1, snap);
-    y->own_a = combined(combined(combined(scale(old, x->own_a), n0, x->a), n1, x->j), n2, snap);
+    x->own_j = combined(combined(scale(old, x->own_j), n0, x->j), n1, snap);
+    x->own_a = combined(combined(combined(scale(old, x->own_a), n0, x->a), n1, x->j), n2, snap);
     qs_vec r = combined(combined(combined(scale(old, x->own_r), n0, x->r), n1, x->v), n2, x->a);
-    y->own_r = combined(combined(r, n3, x->j), n[4] * squared(t * t) / 24, snap);
+    x->own_r = combined(combined(r, n3, x->j), n[4] * squared(t * t) / 24, snap);
 }
 
-/* The state after the snap was held for t, (9) in each axis; of a lead with what is behind. */
+/* Fly the snap for t, (9) in each axis; a lead with what is behind. */
+static void fly_on(qs_state *x, qs_vec snap, qs_real t) {
+    qs_real half = t * t / 2, sixth = cubed(t) / 6;
+    if (x->lag > 0) follow(x, snap, t);
+    x->r = combined(combined(combined(x->r, t, x->v), half, x->a), sixth, x->j);
+    x->r = combined(x->r, squared(t * t) / 24, snap);
+    x->v = combined(combined(combined(x->v, t, x->a), half, x->j), sixth, snap);
+    x->a = combined(combined(x->a, t, x->j), half, snap);
+    x->j = combined(x->j, t, snap);
+}
+
 static qs_state flown(const qs_state *x, qs_vec snap, qs_real t) {
     qs_state y = *x;
-    qs_real half = t * t / 2, sixth = cubed(t) / 6;
-    y.j = combined(x->j, t, snap);
-    y.a = combined(combined(x->a, t, x->j), half, snap);
-    y.v = combined(combined(combined(x->v, t, x->a), half, x->j), sixth, snap);
-    y.r = combined(combined(combined(x->r, t, x->v), half, x->a), sixth, x->j);
-    y.r = combined(y.r, squared(t * t) / 24, snap);
-    if (x->lag > 0) follow(&y, x, snap, t);
+    fly_on(&y, snap, t);
     return y;
 }
 
@@ -133,7 +137,8 @@ static qs_vec held_snap(const qs_stop *stop, qs_real period) {
 static qs_state reference(const qs_stop *stop, qs_real period) {
     qs_state begin = stop->begin;
     begin.lag = 0;
-    return flown(&begin, held_snap(stop, period), elapsed(stop, period));
+    fly_on(&begin, held_snap(stop, period), elapsed(stop, period));
+    return begin;
 }
 
 /* Move the stored stop on by so many periods, or back within its segment. */

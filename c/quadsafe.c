@@ -181,7 +181,7 @@ static void see(qs_shield *shield, const qs_real flat[4][3]) {
     shield->last = shield->lag > 0 ? lead_of(&x, shield->lagged, shield->lag) : x;
     shield->front = shield->last;
     for (int i = 0; i < told->delay; ++i)
-        shield->last = flown(&shield->last, shield->pending[i], shield->rules.period);
+        fly_on(&shield->last, shield->pending[i], shield->rules.period);
 }
 
 /* Move the stop and the snap behind the lag on to now; untold, the last answer was held for a period. */
@@ -205,7 +205,7 @@ static qs_vec *newest(qs_shield *shield) {
 /* Without a measurement: the state that is to be expected. */
 static void predict(qs_shield *shield) {
     carry(shield);
-    shield->last = flown(&shield->last, *newest(shield), (1 + shield->late) * shield->rules.period);
+    fly_on(&shield->last, *newest(shield), (1 + shield->late) * shield->rules.period);
 }
 
 /* Put down what is flown until the next sample; send the answer behind those that are on their way. */
@@ -231,7 +231,7 @@ static int is_way_clear(qs_shield *shield, const bodies *now, qs_real error) {
     for (int i = 0; i < delay; ++i) {
         int found = look_at_arc(&x, shield->pending[i], i * period + lag, period, &kept_from, NULL);
         if (found == HIT || (found != CLEAR && !is_chained)) return 0;
-        x = flown(&x, shield->pending[i], period);
+        fly_on(&x, shield->pending[i], period);
     }
     return 1;
 }
