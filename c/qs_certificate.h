@@ -36,10 +36,11 @@ static int stop_keeps_limits(qs_state *x, qs_vec frame, qs_real h, const qs_limi
 /* Whether the stop of segment length h from x at time start keeps every limit. */
 static int stop_is_clear(const qs_state *begin, qs_real start, qs_vec frame, qs_real h, const bodies *all,
                          const qs_limits *limits) {
-    qs_state x = *begin, end = *begin;
-    end.lag = 0;
-    if (!stop_keeps_limits(&end, frame, h, limits) || !rest_is_clear(end.r, frame, start + SEGMENTS * h, all))
+    qs_state x = *begin;
+    x.lag = 0;
+    if (!stop_keeps_limits(&x, frame, h, limits) || !rest_is_clear(x.r, frame, start + SEGMENTS * h, all))
         return 0;
+    x = *begin;
     for (int segment = 0; segment < SEGMENTS; ++segment) {
         qs_vec snap = dead_beat_snap(&x, frame, h);
         if (look_at_arc(&x, snap, start + segment * h, h, all, limits) != CLEAR) return 0;
@@ -74,20 +75,17 @@ static int length_clear_at_once(int first, const attempt *t, const bodies *all, 
     return -1;
 }
 
-/* Store a stop from x at time start that keeps every limit: at rest in the world, or else in the frame of one
- * of the moving bodies; 0, and nothing stored, without one. */
-static int adopt_stop(qs_stop *stop, const qs_state *x, qs_real start, qs_real period, const bodies *all,
-                      const qs_limits *limits) {
+/* The segment length of a stop from x at time start that keeps every limit, and its frame: at rest in the world,
+ * or else with one of the moving bodies; -1 without one. */
+static int found_stop(int first, const qs_state *x, qs_real start, qs_real period, const bodies *all,
+                      const qs_limits *limits, qs_vec *frame) {
     for (int k = -1; k < all->count; ++k) {
-        qs_vec frame = k < 0 ? NOTHING : all->body[k].velocity;
-        if (k >= 0 && (is_same(frame, NOTHING) || !is_there(core_of(all, k), all->keep[k]))) continue;
-        int choice = clear_length(x, start, frame, stop->choice, period, all, limits);
-        if (choice >= 0) {
-            write_stop(stop, x, frame, choice, period);
-            return 1;
-        }
+        *frame = k < 0 ? NOTHING : all->body[k].velocity;
+        if (k >= 0 && (is_same(*frame, NOTHING) || !is_there(core_of(all, k), all->keep[k]))) continue;
+        int choice = clear_length(x, start, *frame, first, period, all, limits);
+        if (choice >= 0) return choice;
     }
-    return 0;
+    return -1;
 }
 
 /* Whether the stored stop, from the start of its segment, keeps clear of the bodies of now. */
@@ -148,16 +146,14 @@ static int accept(qs_shield *shield, qs_vec snap, const bodies *all, const qs_li
     if (!(norm(snap) <= limits->snap_max)) return 0;
     qs_state after = flown(x, snap, period);
     attempt t = {x, &after, snap, period};
+    qs_vec frame = NOTHING;
     int choice = length_clear_at_once(shield->stop.choice, &t, all, limits);
-    if (choice >= 0) {
-        write_stop(&shield->stop, &after, NOTHING, choice, period);
-        return 1;
+    if (choice < 0) {
+        if (!(norm(after.j) <= limits->jerk_max)) return 0;
+        choice = found_stop(shield->stop.choice, &after, period, period, all, limits, &frame);
+        if (choice < 0 || look_at_arc(x, snap, 0, period, all, limits) != CLEAR) return 0;
     }
-    qs_stop stop = shield->stop;
-    if (!(norm(after.j) <= limits->jerk_max) || !adopt_stop(&stop, &after, period, period, all, limits) ||
-        look_at_arc(x, snap, 0, period, all, limits) != CLEAR)
-        return 0;
-    shield->stop = stop;
+    write_stop(&shield->stop, &after, frame, choice, period);
     return 1;
 }
 
@@ -173,8 +169,11 @@ static qs_vec certified_snap(qs_shield *shield, qs_vec wanted, int is_wanted, co
     *kind = ACCEPTED;
     if (begins_within && is_wanted && accept(shield, wanted, &ahead, limits)) return wanted;
     *kind = standing(shield, all);
-    if (*kind != STOPPED && begins_within && adopt_stop(&shield->stop, x, 0, period, &ahead, limits))
-        *kind = STOPPED;
+    if (*kind != STOPPED && begins_within) {
+        qs_vec frame;
+        int choice = found_stop(shield->stop.choice, x, 0, period, &ahead, limits, &frame);
+        if (choice >= 0) write_stop(&shield->stop, x, frame, choice, period), *kind = STOPPED;
+    }
     shield->stop.is_stored = shield->stop.is_stored && *kind != UNCERTIFIED;
     if (*kind == UNCERTIFIED) return NOTHING;
     qs_vec back = tracking_snap(&shield->stop, x, &shield->rules);
