@@ -32,13 +32,13 @@ enum { CLEAR, UNSURE, HIT };
 
 static const qs_obstacle *core_of(const bodies *all, int k) { return all->are_spheres ? NULL : &all->body[k]; }
 
-static points position_points(const qs_state *x, qs_vec snap, qs_real d) {
+static void take_points(points *p, const qs_state *x, qs_vec snap, qs_real d) {
     qs_vec r = x->r, c1 = scale(d, x->v), c2 = scale(d * d / 2, x->a), c3 = scale(cubed(d) / 6, x->j);
-    points p = {{r, combined(r, Q(0.25), c1), combined(combined(r, Q(0.5), c1), Q(1.0 / 6.0), c2),
-                 combined(combined(combined(r, Q(0.75), c1), Q(0.5), c2), Q(0.25), c3),
-                 combined(add(add(add(r, c1), c2), c3), squared(d * d) / 24, snap), r},
-                5};
-    return p;
+    p->b[0] = r, p->b[1] = combined(r, Q(0.25), c1);
+    p->b[2] = combined(combined(r, Q(0.5), c1), Q(1.0 / 6.0), c2);
+    p->b[3] = combined(combined(combined(r, Q(0.75), c1), Q(0.5), c2), Q(0.25), c3);
+    p->b[4] = combined(add(add(add(r, c1), c2), c3), squared(d * d) / 24, snap);
+    p->count = x->lag > 0 ? 6 : 5;
 }
 
 /* Whether n.(b_i - c_i) >= rho |n| + h(n) for all points. */
@@ -94,8 +94,8 @@ static int look_at_piece(const qs_state *x, qs_vec snap, qs_real start, qs_real 
     qs_state y = flown(x, snap, piece * d);
     int thrust = limits ? look_at_thrust(&y, snap, d, limits) : CLEAR;
     if (thrust != CLEAR) return thrust;
-    points p = position_points(&y, snap, d);
-    p.count = x->lag > 0 ? 6 : 5;
+    points p;
+    take_points(&p, &y, snap, d);
     for (int k = 0; k < all->count; ++k) {
         const qs_obstacle *core = core_of(all, k);
         qs_vec velocity = all->body[k].velocity;

@@ -23,13 +23,12 @@ static int keeps_band(const qs_state *x, qs_vec snap, qs_real t, const qs_limits
 static int stop_keeps_limits(qs_state *x, qs_vec frame, qs_real h, const qs_limits *limits) {
     for (int segment = 0; segment < SEGMENTS; ++segment) {
         qs_vec snap = dead_beat_snap(x, frame, h);
-        qs_state end = flown(x, snap, h);
         for (int i = 1; i < 8; ++i)
             if (!keeps_band(x, snap, (qs_real)i / 8 * h, limits)) return 0;
-        if (!(keeps_band(&end, snap, 0, limits) && norm(snap) <= limits->stop_snap_max &&
-              norm(end.j) <= limits->jerk_max))
+        fly_on(x, snap, h);
+        if (!(keeps_band(x, snap, 0, limits) && norm(snap) <= limits->stop_snap_max &&
+              norm(x->j) <= limits->jerk_max))
             return 0;
-        *x = end;
     }
     return 1;
 }
@@ -37,14 +36,15 @@ static int stop_keeps_limits(qs_state *x, qs_vec frame, qs_real h, const qs_limi
 /* Whether the stop of segment length h from x at time start keeps every limit. */
 static int stop_is_clear(const qs_state *begin, qs_real start, qs_vec frame, qs_real h, const bodies *all,
                          const qs_limits *limits) {
-    qs_state x = *begin, end = *begin;
-    end.lag = 0;
-    if (!stop_keeps_limits(&end, frame, h, limits) || !rest_is_clear(end.r, frame, start + SEGMENTS * h, all))
+    qs_state x = *begin;
+    x.lag = 0;
+    if (!stop_keeps_limits(&x, frame, h, limits) || !rest_is_clear(x.r, frame, start + SEGMENTS * h, all))
         return 0;
+    x = *begin;
     for (int segment = 0; segment < SEGMENTS; ++segment) {
         qs_vec snap = dead_beat_snap(&x, frame, h);
         if (look_at_arc(&x, snap, start + segment * h, h, all, limits) != CLEAR) return 0;
-        x = flown(&x, snap, h);
+        fly_on(&x, snap, h);
     }
     return own_rest_is_clear(&x, frame, start + SEGMENTS * h, all);
 }
@@ -75,20 +75,17 @@ static int length_clear_at_once(int first, const attempt *t, const bodies *all, 
     return -1;
 }
 
-/* Store a stop from x at time start that keeps every limit: at rest in the world, or else in the frame of one
- * of the moving bodies; 0, and nothing stored, without one. */
-static int adopt_stop(qs_stop *stop, const qs_state *x, qs_real start, qs_real period, const bodies *all,
-                      const qs_limits *limits) {
+/* The segment length of a stop from x at time start that keeps every limit, and its frame: at rest in the world,
+ * or else with one of the moving bodies; -1 without one. */
+static int found_stop(int first, const qs_state *x, qs_real start, qs_real period, const bodies *all,
+                      const qs_limits *limits, qs_vec *frame) {
     for (int k = -1; k < all->count; ++k) {
-        qs_vec frame = k < 0 ? NOTHING : all->body[k].velocity;
-        if (k >= 0 && (is_same(frame, NOTHING) || !is_there(core_of(all, k), all->keep[k]))) continue;
-        int choice = clear_length(x, start, frame, stop->choice, period, all, limits);
-        if (choice >= 0) {
-            write_stop(stop, x, frame, choice, period);
-            return 1;
-        }
+        *frame = k < 0 ? NOTHING : all->body[k].velocity;
+        if (k >= 0 && (is_same(*frame, NOTHING) || !is_there(core_of(all, k), all->keep[k]))) continue;
+        int choice = clear_length(x, start, *frame, first, period, all, limits);
+        if (choice >= 0) return choice;
     }
-    return 0;
+    return -1;
 }
 
 /* Whether the stored stop, from the start of its segment, keeps clear of the bodies of now. */
@@ -100,7 +97,7 @@ static int look_at_stored_stop(const qs_stop *stop, qs_real period, const bodies
         qs_vec snap = dead_beat_snap(&x, stop->frame, h);
         int arc = look_at_arc(&x, snap, start, h, all, NULL);
         found = arc > found ? arc : found;
-        x = flown(&x, snap, h);
+        fly_on(&x, snap, h);
         start += h;
     }
     int rests = rest_is_clear(x.r, stop->frame, start, all) && own_rest_is_clear(&x, stop->frame, start, all);
@@ -149,16 +146,14 @@ static int accept(qs_shield *shield, qs_vec snap, const bodies *all, const qs_li
     if (!(norm(snap) <= limits->snap_max)) return 0;
     qs_state after = flown(x, snap, period);
     attempt t = {x, &after, snap, period};
+    qs_vec frame = NOTHING;
     int choice = length_clear_at_once(shield->stop.choice, &t, all, limits);
-    if (choice >= 0) {
-        write_stop(&shield->stop, &after, NOTHING, choice, period);
-        return 1;
+    if (choice < 0) {
+        if (!(norm(after.j) <= limits->jerk_max)) return 0;
+        choice = found_stop(shield->stop.choice, &after, period, period, all, limits, &frame);
+        if (choice < 0 || look_at_arc(x, snap, 0, period, all, limits) != CLEAR) return 0;
     }
-    qs_stop stop = shield->stop;
-    if (!(norm(after.j) <= limits->jerk_max) || !adopt_stop(&stop, &after, period, period, all, limits) ||
-        look_at_arc(x, snap, 0, period, all, limits) != CLEAR)
-        return 0;
-    shield->stop = stop;
+    write_stop(&shield->stop, &after, frame, choice, period);
     return 1;
 }
 
@@ -174,8 +169,11 @@ static qs_vec certified_snap(qs_shield *shield, qs_vec wanted, int is_wanted, co
     *kind = ACCEPTED;
     if (begins_within && is_wanted && accept(shield, wanted, &ahead, limits)) return wanted;
     *kind = standing(shield, all);
-    if (*kind != STOPPED && begins_within && adopt_stop(&shield->stop, x, 0, period, &ahead, limits))
-        *kind = STOPPED;
+    if (*kind != STOPPED && begins_within) {
+        qs_vec frame;
+        int choice = found_stop(shield->stop.choice, x, 0, period, &ahead, limits, &frame);
+        if (choice >= 0) write_stop(&shield->stop, x, frame, choice, period), *kind = STOPPED;
+    }
     shield->stop.is_stored = shield->stop.is_stored && *kind != UNCERTIFIED;
     if (*kind == UNCERTIFIED) return NOTHING;
     qs_vec back = tracking_snap(&shield->stop, x, &shield->rules);
@@ -187,7 +185,7 @@ static qs_vec certified_snap(qs_shield *shield, qs_vec wanted, int is_wanted, co
             return blend;
         }
     }
-    advance_stop(&shield->stop, period);
+    shift_stop(&shield->stop, period, 1);
     return back;
 }
 

@@ -132,9 +132,8 @@ static void polynomial(const qs_real y[5], qs_real p[5]) {
     p[0] = y[0] * Q(1.0 / 24.0), p[1] = y[1] * Q(1.0 / 6.0), p[2] = y[2] / 2, p[3] = y[3], p[4] = y[4];
 }
 
-static void state_after(const qs_real y[5], qs_real t, qs_real x[4]) {
-    qs_real p[5];
-    polynomial(y, p);
+/* From the derivatives and their polynomial. */
+static void state_after(const qs_real y[5], const qs_real p[5], qs_real t, qs_real x[4]) {
     x[0] = y[1] + t * y[0];
     x[1] = y[2] + t * (y[1] + t * (y[0] / 2));
     x[2] = y[3] + t * (y[2] + t * (y[1] / 2 + t * (4 * p[0])));
@@ -174,11 +173,10 @@ static int stays_above(const qs_real y[5], qs_real period, qs_real level) {
 }
 
 /* Least x_4 over the period but its end. */
-static lowest lowest_in_period(const qs_real y[5], qs_real period) {
+static lowest lowest_in_period(const qs_real y[5], const qs_real p[5], qs_real period) {
     lowest found = {y[4], 0};
     if (!may_dip(y, period)) return found;
-    qs_real p[5], size;
-    polynomial(y, p);
+    qs_real size;
     roots found_at = cubic_roots(4 * p[0], 3 * p[1], 2 * p[2], p[3]);
     for (int i = 0; i < 3; ++i) {
         qs_real t = found_at.t[i];
@@ -216,12 +214,14 @@ static int is_above(qs_real x4, qs_real x3, qs_real x2, qs_real x1, qs_real u_ma
  * No admissible input lies between lowest and the answer, certain or not. */
 static qs_real touching(const chain *c, qs_real t_star, qs_real target, qs_real lowest, qs_real highest,
                         int *is_certain) {
-    qs_real lift[5], most[4], slope[4], u = lowest, t = most_of(t_star, c->period);
+    qs_real lift[5], rise[5], most[4], slope[4], u = lowest, t = most_of(t_star, c->period);
     lift_after(c->period, lift);
+    polynomial(lift, rise);
     *is_certain = 1;
     for (int round = 0; round < ROUNDS; ++round) {
-        state_after(c->y, t, most);
-        state_after(lift, t - c->period, slope);
+        qs_real u_before = u, t_before = t;
+        state_after(c->y, c->p, t, most);
+        state_after(lift, rise, t - c->period, slope);
         qs_real noise = ROUNDING * size_of_terms(c->p, t), room = most[3] - target;
         if (room + noise < (c->u_max - u) * slope[3]) {
             u = c->u_max - (room - 2 * noise) / slope[3];
@@ -233,6 +233,7 @@ static qs_real touching(const chain *c, qs_real t_star, qs_real target, qs_real 
         if (is_above(room, speed, bend, most[0] - lack * slope[0], c->u_max, t - c->period)) return u;
         if (!(bend > 0)) break;
         t = most_of(c->period, t - speed / bend);
+        if (t == t_before && u == u_before) break; /* every further round would be this one */
     }
     *is_certain = 0;
     return u;
@@ -259,11 +260,12 @@ static qs_real rise_to(const chain *c, qs_real t, qs_real u, qs_real missing) {
 
 /* The input itself where dip and tail reach their targets, otherwise Newton's next; u_max ends a dip. */
 static qs_real newton(const chain *c, qs_real u, qs_real dip_target, qs_real tail_target) {
-    qs_real y[5], end[4];
+    qs_real y[5], p[5], end[4];
     memcpy(y, c->y, sizeof y);
     y[0] = u;
-    lowest dip = lowest_in_period(y, c->period);
-    state_after(y, c->period, end);
+    polynomial(y, p);
+    lowest dip = lowest_in_period(y, p, c->period);
+    state_after(y, p, c->period, end);
     lowest tail = lower4(end[0], end[1], end[2], end[3], c->u_max);
     qs_real dip_rise = rise_to(c, dip.time, u, dip_target - dip.value);
     qs_real tail_rise = rise_to(c, c->period + tail.time, u, tail_target - tail.value);

@@ -42,6 +42,11 @@ static qs_vec weighted(const qs_real w[3], const scaled_stop *s) {
     return combined(combined(scale(w[0], s->V), w[1], s->A), w[2], s->J);
 }
 
+/* Of that the height. */
+static qs_real height_of(const qs_real w[3], const scaled_stop *s) {
+    return w[0] * s->V.z + w[1] * s->A.z + w[2] * s->J.z;
+}
+
 /* The least control point of the period along a normal, e in ascending powers. */
 static qs_real least_over_period(const qs_real e[5]) {
     qs_real b1 = e[0] + e[1] / 4, b2 = e[0] + e[1] / 2 + e[2] / 6;
@@ -131,7 +136,7 @@ static int keeps_thrust(const attempt *t, const scaled_stop *s, const qs_limits 
     qs_vec up = vec(0, 0, limits->gravity), middle = combined(x->a, t->period / 2, x->j),
            own = add(x->own_a, up);
     qs_real least = least_of(least_of(x->a.z, middle.z), t->after->a.z), square = 1 / (s->h * s->h);
-    for (int i = 1; i < 7; ++i) least = least_of(least, square * weighted(ACCELERATION[i], s).z);
+    for (int i = 1; i < 7; ++i) least = least_of(least, square * height_of(ACCELERATION[i], s));
     if (!(least + limits->gravity >= limits->thrust_min)) return 0;
     if (x->lag > 0 && !(own.z >= limits->thrust_min && norm(own) <= limits->thrust_max)) return 0;
     if (limits->thrust_max == INF) return 1;

@@ -11,6 +11,7 @@
 #include "qs_numbers.h"
 
 enum { SEGMENTS = 3, LENGTHS = 13 };
+#define ALMOST Q(1e-4) /* of a period: what is less has been flown, but for rounding */
 /* Segment lengths that are tried, 0.1 * 1.25^k s. */
 static const qs_real LENGTH[LENGTHS] = {
     Q(0.1), Q(0.1 * 1.25), Q(0.1 * 1.5625), Q(0.1 * 1.953125), Q(0.1 * 2.44140625), Q(0.1 * 3.0517578125),
@@ -43,27 +44,31 @@ static void new_shares(qs_real t, qs_real lag, qs_real n[5]) {
     for (int k = 1; k < 5; ++k) n[k] = 1 - k * n[k - 1] / ratio;
 }
 
-/* The vehicle after its lead x has flown the snap for t. */
-static void follow(qs_state *y, const qs_state *x, qs_vec snap, qs_real t) {
+/* The vehicle after its lead has flown the snap for t. */
+static void follow(qs_state *x, qs_vec snap, qs_real t) {
     qs_real n[5];
     new_shares(t, x->lag, n);
     qs_real n0 = n[0], old = 1 - n0, n1 = n[1] * t, n2 = n[2] * t * t / 2, n3 = n[3] * cubed(t) / 6;
-    y->own_j = combined(combined(scale(old, x->own_j), n0, x->j), n1, snap);
-    y->own_a = combined(combined(combined(scale(old, x->own_a), n0, x->a), n1, x->j), n2, snap);
+    x->own_j = combined(combined(scale(old, x->own_j), n0, x->j), n1, snap);
+    x->own_a = combined(combined(combined(scale(old, x->own_a), n0, x->a), n1, x->j), n2, snap);
     qs_vec r = combined(combined(combined(scale(old, x->own_r), n0, x->r), n1, x->v), n2, x->a);
-    y->own_r = combined(combined(r, n3, x->j), n[4] * squared(t * t) / 24, snap);
+    x->own_r = combined(combined(r, n3, x->j), n[4] * squared(t * t) / 24, snap);
 }
 
-/* The state after the snap was held for t, (9) in each axis; of a lead with what is behind. */
+/* Fly the snap for t, (9) in each axis; a lead with what is behind. */
+static void fly_on(qs_state *x, qs_vec snap, qs_real t) {
+    qs_real half = t * t / 2, sixth = cubed(t) / 6;
+    if (x->lag > 0) follow(x, snap, t);
+    x->r = combined(combined(combined(x->r, t, x->v), half, x->a), sixth, x->j);
+    x->r = combined(x->r, squared(t * t) / 24, snap);
+    x->v = combined(combined(combined(x->v, t, x->a), half, x->j), sixth, snap);
+    x->a = combined(combined(x->a, t, x->j), half, snap);
+    x->j = combined(x->j, t, snap);
+}
+
 static qs_state flown(const qs_state *x, qs_vec snap, qs_real t) {
     qs_state y = *x;
-    qs_real half = t * t / 2, sixth = cubed(t) / 6;
-    y.j = combined(x->j, t, snap);
-    y.a = combined(combined(x->a, t, x->j), half, snap);
-    y.v = combined(combined(combined(x->v, t, x->a), half, x->j), sixth, snap);
-    y.r = combined(combined(combined(x->r, t, x->v), half, x->a), sixth, x->j);
-    y.r = combined(y.r, squared(t * t) / 24, snap);
-    if (x->lag > 0) follow(&y, x, snap, t);
+    fly_on(&y, snap, t);
     return y;
 }
 
@@ -132,16 +137,20 @@ static qs_vec held_snap(const qs_stop *stop, qs_real period) {
 static qs_state reference(const qs_stop *stop, qs_real period) {
     qs_state begin = stop->begin;
     begin.lag = 0;
-    return flown(&begin, held_snap(stop, period), elapsed(stop, period));
+    fly_on(&begin, held_snap(stop, period), elapsed(stop, period));
+    return begin;
 }
 
-/* Move the stored stop on by a period; within 1e-4 of one it has reached the end of its segment. */
-static void advance_stop(qs_stop *stop, qs_real period) {
-    stop->periods_left -= 1;
-    if (stop->periods_left > 1e-4f) return;
-    qs_state x = flown(&stop->begin, held_snap(stop, period), length_now(stop, period));
-    stop->segments_left -= stop->segments_left > 0;
-    begin_segment(stop, &x, period);
+/* Move the stored stop on by so many periods, or back within its segment. */
+static void shift_stop(qs_stop *stop, qs_real period, qs_real count) {
+    stop->periods_left = (float)((qs_real)stop->periods_left - count);
+    while ((qs_real)stop->periods_left <= ALMOST) {
+        qs_real left = (qs_real)stop->periods_left < -ALMOST ? (qs_real)stop->periods_left : 0;
+        qs_state x = flown(&stop->begin, held_snap(stop, period), length_now(stop, period));
+        stop->segments_left -= stop->segments_left > 0;
+        begin_segment(stop, &x, period);
+        stop->periods_left = (float)((qs_real)stop->periods_left + left);
+    }
 }
 
 /* Snap that brings the vehicle back onto the stored stop. */
@@ -152,9 +161,19 @@ static qs_vec feedback(const qs_stop *stop, const qs_state *x, const qs_rules *r
     return combined(combined(u, k[2], subtract(ref.a, x->a)), k[3], subtract(ref.j, x->j));
 }
 
+/* The snap of the stored stop, in the mean of the next period if its segment ends within that. */
+static qs_vec mean_snap(const qs_stop *stop, qs_real period) {
+    qs_vec held = held_snap(stop, period), after = NOTHING;
+    qs_real share = (qs_real)stop->periods_left, h = length_now(stop, period);
+    if (share >= 1 - ALMOST) return held;
+    qs_state end = flown(&stop->begin, held, h);
+    if (stop->segments_left > 1) after = dead_beat_snap(&end, stop->frame, h);
+    return combined(scale(1 - share, after), share, held);
+}
+
 /* Snap of the stored stop with its feedback, cut off at the largest that is flown. */
 static qs_vec tracking_snap(const qs_stop *stop, const qs_state *x, const qs_rules *rules) {
-    qs_vec u = combined(held_snap(stop, rules->period), 1, feedback(stop, x, rules));
+    qs_vec u = combined(mean_snap(stop, rules->period), 1, feedback(stop, x, rules));
     return within_ball(u, rules->limits.snap_max);
 }
 

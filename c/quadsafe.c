@@ -6,7 +6,7 @@
  *     qs_project.h    least correction                   qs_certificate.h  what may be flown
  *     qs_shapes.h     distances and supports             qs_recovery.h     the way out of a body
  *     qs_stop.h       the stored stop                    qs_halfspace.h    half-spaces of snaps
- *     qs_settings.h   settings, gains, the tube
+ *     qs_settings.h   settings                           qs_tube.h         gains, the tube of errors
  */
 #include "qs_certificate.h"
 #include "qs_halfspace.h"
@@ -132,7 +132,7 @@ static int filter_row(qs_shield *shield, qs_vec wanted, const bodies *all, qs_an
 
 void qs_defaults(qs_settings *settings) {
     static const qs_settings defaults = {
-        200, 3, INF, INF, 2, Q(0.005), 1, INF, Q(9.81), {0, 0, 0, 0, 0, 0, 0, 0, 0, 0}};
+        200, 3, INF, INF, 2, Q(0.005), 1, INF, Q(9.81), {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0}};
     if (settings) *settings = defaults;
 }
 
@@ -140,7 +140,7 @@ int qs_init(qs_shield *shield, const qs_settings *settings) {
     if (!shield || !settings) return QS_BAD_POINTER;
     memset(shield, 0, sizeof *shield);
     int code = checked_settings(settings);
-    shield->settings = *settings, shield->count = -1;
+    shield->settings = *settings, shield->count = -1, shield->lag = told_lag(&settings->uncertainty);
     shield->is_ready = code == QS_DONE;
     return code;
 }
@@ -178,15 +178,17 @@ int qs_prepare(qs_shield *shield, qs_real period) {
 static void see(qs_shield *shield, const qs_real flat[4][3]) {
     const qs_uncertainty *told = &shield->settings.uncertainty;
     qs_state x = {from3(flat[0]), from3(flat[1]), from3(flat[2]), from3(flat[3]), NOTHING, NOTHING, NOTHING, 0};
-    shield->last = told->rotor_lag > 0 ? lead_of(&x, shield->lagged, told->rotor_lag) : x;
+    shield->last = shield->lag > 0 ? lead_of(&x, shield->lagged, shield->lag) : x;
     shield->front = shield->last;
     for (int i = 0; i < told->delay; ++i)
-        shield->last = flown(&shield->last, shield->pending[i], shield->rules.period);
+        fly_on(&shield->last, shield->pending[i], shield->rules.period);
 }
 
-/* Move the snap behind the lag on by what it has followed since the last sample. */
+/* Move the stop and the snap behind the lag on to now; untold, the last answer was held for a period. */
 static void carry(qs_shield *shield) {
-    qs_real lag = shield->settings.uncertainty.rotor_lag;
+    qs_real lag = shield->lag;
+    if (isnan(shield->late)) shield->late = 0;
+    if (shield->late != 0) shift_stop(&shield->stop, shield->rules.period, shield->late);
     if (lag > 0) {
         qs_real left = OF_REAL(exp)(-shield->followed / lag);
         shield->lagged = combined(shield->flown, left, subtract(shield->lagged, shield->flown));
@@ -203,7 +205,7 @@ static qs_vec *newest(qs_shield *shield) {
 /* Without a measurement: the state that is to be expected. */
 static void predict(qs_shield *shield) {
     carry(shield);
-    shield->last = flown(&shield->last, *newest(shield), shield->rules.period);
+    fly_on(&shield->last, *newest(shield), (1 + shield->late) * shield->rules.period);
 }
 
 /* Put down what is flown until the next sample; send the answer behind those that are on their way. */
@@ -211,13 +213,14 @@ static void send(qs_shield *shield, qs_vec u) {
     int delay = shield->settings.uncertainty.delay;
     shield->flown = delay > 0 ? shield->pending[0] : u, shield->followed = shield->rules.period;
     for (int i = 0; i < delay; ++i) shield->pending[i] = i + 1 < delay ? shield->pending[i + 1] : u;
+    shield->late = shield->settings.uncertainty.jitter > 0 ? ABSENT : 0;
 }
 
 /* Whether what is on its way keeps clear: of the whole distance, or where all of it was certified, no point of
  * its path lies in a body by more than errors do. */
 static int is_way_clear(qs_shield *shield, const bodies *now, qs_real error) {
     int delay = shield->settings.uncertainty.delay, is_chained = shield->chain >= delay;
-    qs_real lag = shield->settings.uncertainty.rotor_lag, period = shield->rules.period;
+    qs_real lag = shield->lag, period = shield->rules.period;
     bodies kept_from = *now;
     qs_state x = shield->front;
     kept_from.keep = shield->bare;
@@ -228,7 +231,7 @@ static int is_way_clear(qs_shield *shield, const bodies *now, qs_real error) {
     for (int i = 0; i < delay; ++i) {
         int found = look_at_arc(&x, shield->pending[i], i * period + lag, period, &kept_from, NULL);
         if (found == HIT || (found != CLEAR && !is_chained)) return 0;
-        x = flown(&x, shield->pending[i], period);
+        fly_on(&x, shield->pending[i], period);
     }
     return 1;
 }
@@ -259,7 +262,7 @@ static qs_vec fly_stop(qs_shield *shield) {
     qs_vec u;
     if (shield->stop.is_stored) {
         u = tracking_snap(&shield->stop, x, rules);
-        advance_stop(&shield->stop, rules->period);
+        shift_stop(&shield->stop, rules->period, 1);
     } else u = within_ball(braking(x->v, x->a, x->j, rules->braking), rules->limits.snap_max);
     return is_finite(u) ? u : NOTHING;
 }
@@ -306,7 +309,7 @@ static void answer_with_stop(qs_shield *shield, const qs_real flat[4][3], const 
 /* The bodies as they are when the answer is flown, a lag later for the lead, at distances with the tube. */
 static bodies bodies_ahead(qs_shield *shield, const qs_obstacle *body, int count) {
     const qs_uncertainty *told = &shield->settings.uncertainty;
-    qs_real ahead = told->delay * shield->rules.period + told->rotor_lag;
+    qs_real ahead = told->delay * shield->rules.period + shield->lag;
     bodies all = {count, 1, body, shield->center, shield->keep};
     for (int k = 0; k < count; ++k) all.are_spheres &= body[k].kind == QS_SPHERE;
     for (int k = 0; k < count; ++k) {
@@ -324,6 +327,7 @@ int qs_filter(qs_shield *shield, const qs_real flat[4][3], const qs_obstacle *ob
     if (!shield) return QS_BAD_POINTER;
     if (!shield->is_ready) return QS_BAD_SETTINGS;
     int code = qs_prepare(shield, period);
+    if (code == QS_DONE && isnan(shield->late)) code = QS_BAD_TIME;
     if (code == QS_DONE) code = checked_call(shield, flat, obstacles, count, snap);
     if (code != QS_DONE) {
         answer_with_stop(shield, flat, snap, answer);
@@ -354,6 +358,15 @@ void qs_backup(qs_shield *shield, qs_real snap[3]) {
         shield->before = shield->stop, shield->is_lost = 1;
     }
     if (snap) write3(snap, u);
+}
+
+int qs_held_for(qs_shield *shield, qs_real seconds) {
+    if (!shield) return QS_BAD_POINTER;
+    if (!shield->is_ready || shield->settings.uncertainty.jitter == 0) return QS_BAD_SETTINGS;
+    qs_real share = seconds / shield->rules.period;
+    if (!(seconds > 0 && seconds <= 1 && share < INF)) return QS_BAD_TIME;
+    shield->late = share - 1, shield->followed *= share;
+    return QS_DONE;
 }
 
 /* ---- obstacles (quadsafe_core.shapes) ---- */

@@ -28,10 +28,11 @@ enum {
     QS_BAD_POINTER,     /* NULL where there must be something */
     QS_BAD_SETTINGS,    /* a setting out of its range, or a shield whose qs_init failed */
     QS_BAD_UNCERTAINTY, /* errors out of their range, or too large for a stop at this period */
-    QS_BAD_PERIOD,      /* not from 1e-9 to 1 s; with declared errors not from 1e-4 to 1 s */
+    QS_BAD_PERIOD,      /* not from 1e-9 to 1 s; with declared errors the shortest one below 1e-4 s */
     QS_BAD_COUNT,       /* more obstacles than places, fewer than none, or others than at the first call */
     QS_BAD_STATE,       /* position, velocity, acceleration or jerk not finite or far too large */
     QS_BAD_OBSTACLE,    /* not made by the functions below, or of what they do not take */
+    QS_BAD_TIME,        /* with jitter: qs_held_for was not called since the last answer, or told no time */
     QS_TOO_LARGE        /* usable numbers whose answer is none */
 };
 
@@ -42,7 +43,9 @@ typedef struct {
     qs_real wind;                                   /* m/s2 */
     int delay;                                      /* periods until an answer is flown */
     int losses;                                     /* whether answers may be lost */
-    qs_real rotor_lag;                              /* s */
+    qs_real rotor_lag, rotor_lag_most;              /* s; of an interval least and most, else the latter 0 */
+    qs_real impulse, impulse_gap;                   /* a push, m/s; least time between two, s */
+    qs_real jitter;                                 /* of the period; qs_held_for is told */
 } qs_uncertainty;
 
 /* INFINITY stands for no limit. */
@@ -128,7 +131,7 @@ typedef struct {
     qs_stop stop, before;
     qs_state front, last;
     qs_vec lagged, flown, pending[QS_MAX_DELAY];
-    qs_real followed;
+    qs_real lag, followed, late; /* s; periods that the last answer was held beyond one, not a number if untold */
     qs_half_space_of chosen[QS_MAX_OBSTACLES], entered[QS_MAX_OBSTACLES];
     qs_vec center[QS_MAX_OBSTACLES], center_now[QS_MAX_OBSTACLES];
     qs_real keep[QS_MAX_OBSTACLES], ahead[QS_MAX_OBSTACLES], stored[QS_MAX_OBSTACLES], bare[QS_MAX_OBSTACLES];
@@ -159,6 +162,8 @@ int qs_filter(qs_shield *shield, const qs_real flat[4][3], const qs_obstacle *ob
 /* What is flown in place of the last answer, if that was lost: the stop that was stored before it. Called again,
  * with no qs_filter between, it goes on along that stop by a period, without a measurement. */
 void qs_backup(qs_shield *shield, qs_real snap[3]);
+/* For how long the last answer was held, up to 1 s: with jitter before every further qs_filter. */
+int qs_held_for(qs_shield *shield, qs_real seconds);
 
 /* The rigid body (29): r, v, attitude from body to world row by row, angular velocity, thrust, its rate. */
 typedef struct {

@@ -116,6 +116,15 @@ static void any_settings(qs_settings *s, int round)
         s->uncertainty.delay = below(9) - 2, s->uncertainty.position = number(1), s->uncertainty.rotor_lag = unit() / 20;
     else if (round % 64 == 4)
         s->uncertainty.losses = 1, s->uncertainty.gain = number(1);
+    else if (round % 64 == 5)
+        s->uncertainty.impulse = number(1), s->uncertainty.impulse_gap = number(1);
+    else if (round % 64 == 6)
+        s->uncertainty.rotor_lag = unit() / 20, s->uncertainty.rotor_lag_most = below(2) ? unit() / 20 : number(1);
+    else if (round % 64 == 7) { /* short periods take long */
+        s->uncertainty.jitter = below(2) ? unit() / 8 : number(1);
+        if (s->uncertainty.jitter > (qs_real)0.2 && s->uncertainty.jitter < 1)
+            s->uncertainty.jitter = 1;
+    }
 }
 
 static void fly(qs_shield *shield, int round, int is_wild)
@@ -131,6 +140,9 @@ static void fly(qs_shield *shield, int round, int is_wild)
     for (int step = 0; step < 6; ++step) {
         int wrong = is_wild && !below(8), told = wrong ? counts[below(4)] : count;
         numbers(snap, 3, is_wild);
+        int held = below(8) ? qs_held_for(shield, (qs_real)0.9 * period) : qs_held_for(shield, number(1));
+        if (held != QS_DONE && held != QS_BAD_SETTINGS && held != QS_BAD_TIME)
+            fail("no code of a time", round);
         int code = qs_filter(shield, is_wild && !below(30) ? NULL : (const qs_real(*)[3])flat,
                              is_wild && !below(30) ? NULL : bodies, told, is_wild && !below(30) ? NULL : snap, period,
                              &answer);
@@ -172,6 +184,8 @@ int main(int argc, char **argv)
     if (qs_init(NULL, NULL) != QS_BAD_POINTER || qs_filter(&shield, NULL, NULL, 0, NULL, 1, &answer) != QS_BAD_SETTINGS)
         fail("NULL is done", 0);
     qs_backup(NULL, NULL);
+    if (qs_held_for(NULL, 1) != QS_BAD_POINTER || qs_held_for(&shield, 1) != QS_BAD_SETTINGS)
+        fail("NULL is done", 0);
     for (int round = 0; round < rounds; ++round) {
         numbers(&points[0][0], 24, !below(8));
         any_settings(&settings, round);

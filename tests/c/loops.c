@@ -102,6 +102,12 @@ void backup_rows(int n, qs_shield *shields, const int *mask, qs_real *snaps)
             qs_backup(&shields[i], snaps + 3 * i);
 }
 
+void held_rows(int n, qs_shield *shields, const qs_real *seconds, int *codes)
+{
+    for (int i = 0; i < n; ++i)
+        codes[i] = qs_held_for(&shields[i], seconds[i]);
+}
+
 void flat_rows(int n, const qs_real *states, const qs_body *body, qs_real *out, int *codes)
 {
     for (int i = 0; i < n; ++i)

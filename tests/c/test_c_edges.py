@@ -13,6 +13,7 @@ from c_shield import (
     BAD_PERIOD,
     BAD_SETTINGS,
     BAD_STATE,
+    BAD_TIME,
     BAD_UNCERTAINTY,
     DONE,
     FLAGS,
@@ -120,6 +121,18 @@ def test_a_bad_call_is_answered_by_the_stored_stop(name):
     assert good["fallback"]
 
 
+def test_a_period_of_unknown_length_is_answered_by_the_stored_stop_and_a_told_one_is_not():
+    mine, flats, world = one({"uncertainty": {"jitter": 0.2}})
+    for seconds in (0.0, -1.0, np.nan, np.inf, 1.1):
+        assert mine.held_for([seconds])[0] == BAD_TIME
+    answers, codes = mine.filter(flats, world, np.zeros((1, 3)), PERIOD)
+    assert codes[0] == BAD_TIME and answers["stopped"] and not answers["certified"]
+    assert mine.held_for([1.1 * PERIOD])[0] == DONE
+    answers, codes = mine.filter(after(flats, answers["snap"], 1.1 * PERIOD), world, np.zeros((1, 3)), PERIOD)
+    assert codes[0] == DONE and answers["certified"]
+    assert one()[0].held_for([PERIOD])[0] == BAD_SETTINGS
+
+
 def test_after_any_number_of_bad_calls_the_vehicle_rests():
     mine, flats, world = one()
     for _ in range(200):
@@ -165,6 +178,14 @@ def test_without_a_stop_or_a_measurement_the_vehicle_brakes():
         ({"uncertainty": {"gain": 1.0}}, BAD_UNCERTAINTY),
         ({"uncertainty": {"position": -1.0}}, BAD_UNCERTAINTY),
         ({"uncertainty": {"delay": 5}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"impulse": 0.1}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"impulse_gap": 1.0}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"impulse": np.inf, "impulse_gap": 1.0}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"rotor_lag": 0.03, "rotor_lag_most": 0.02}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"rotor_lag_most": 0.02}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"rotor_lag": 0.03, "rotor_lag_most": 0.031, "jitter": 0.1}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"jitter": 1.0}}, BAD_UNCERTAINTY),
+        ({"uncertainty": {"jitter": -0.1}}, BAD_UNCERTAINTY),
     ],
 )
 def test_bad_settings_are_told_and_the_shield_answers_with_nothing(changes, code):
@@ -182,9 +203,19 @@ def test_bad_settings_are_told_and_the_shield_answers_with_nothing(changes, code
     assert codes[0] == BAD_SETTINGS and not answers["snap"].any() and answers["fallback"]
 
 
-def test_errors_that_leave_no_stop_are_told():
+@pytest.mark.parametrize(
+    "errors",
+    [
+        {"wind": 100.0},
+        {"impulse": 1e-3, "impulse_gap": 0.9 * PERIOD},
+        {"rotor_lag": 0.01, "rotor_lag_most": 0.02},
+        {"jitter": 0.6},
+    ],
+)
+def test_errors_that_leave_no_stop_are_told(errors):
     mine = CShields(library(), Shield(), 1)
-    mine.settings["uncertainty"]["wind"] = 100.0
+    for name, bound in errors.items():
+        mine.settings["uncertainty"][name] = bound
     mine.library.call("init_rows", 1, mine.memory, mine.settings, mine.codes)
     assert mine.codes[0] == DONE and mine.prepare(PERIOD)[0] == BAD_UNCERTAINTY
 

@@ -25,6 +25,7 @@ class Flight(NamedTuple):
 
 LIMITS = {"held_snap_max": 700.0, "jerk_max": 60.0, "specific_thrust_min": 3.0, "specific_thrust_max": 18.0}
 ERRORS = {"position": 0.004, "velocity": 0.02, "gain": 0.02, "wind": 0.2}
+SELDOM = {"impulse": 0.05, "impulse_gap": 2.0, "jitter": 0.05}
 FLIGHTS = {
     "spheres": Flight({}),
     "twelve spheres": Flight({}, count=12, period=0.02),
@@ -44,9 +45,14 @@ FLIGHTS = {
         {"uncertainty": {"position": 0.004, "velocity": 0.02, "delay": 2, "losses": True}}, period=0.02
     ),
     "lag": Flight({"uncertainty": {"rotor_lag": 0.03}}, period=0.02, has_shapes=True),
+    "pushes": Flight({"uncertainty": {"impulse": 0.3, "impulse_gap": 1.0}}, period=0.02),
+    "uneven periods": Flight({"uncertainty": {"jitter": 0.2, "losses": True}}, has_shapes=True, moves=True),
+    "a lag in an interval": Flight(
+        {"uncertainty": {"rotor_lag": (0.036, 0.039)}}, period=0.02, has_shapes=True
+    ),
     "all": Flight(
-        {"uncertainty": {**ERRORS, "delay": 1, "losses": True, "rotor_lag": 0.03}},
-        period=0.02,
+        {"uncertainty": {**ERRORS, **SELDOM, "delay": 1, "losses": True, "rotor_lag": 0.03}},
+        period=0.01,
         has_shapes=True,
         moves=True,
     ),
@@ -54,7 +60,7 @@ FLIGHTS = {
 
 
 def after(flats, snaps, t):
-    """(9) in each axis: flat states (N, 4, 3) after snaps (N, 3) were held for t."""
+    """(9) in each axis: flat states (N, 4, 3) after snaps (N, 3) were held for t, one or (N, 1)."""
     r, v, a, j = (flats[:, i] for i in range(4))
     return np.stack(
         [
@@ -92,10 +98,12 @@ def random_states(rng, n):
 
 
 def attack(rng, flats, obstacles, step):
-    """Desired snaps (N, 3): for twenty steps at an obstacle, for twenty steps anything, some not finite."""
+    """Desired snaps (N, 3): twenty steps at an obstacle, twenty of anything, twice; then forty not finite."""
     n, k = obstacles.radius.shape
     wild = rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(0.0, 3.0, (n, 1))
     wild[rng.random(n) < 0.002] = np.nan
+    if step % 120 >= 80:
+        return np.full((n, 3), np.nan)
     if step // 20 % 2:
         return wild
     way = obstacles.center[np.arange(n), rng.integers(0, k, n)] - flats[:, 0]
@@ -127,9 +135,13 @@ def fly(library, flight, n, steps, seed=0):
             different += (flown[lost] != mine.backup(lost)[lost]).any(axis=1).sum()
         on_the_way.append(flown)
         # What a lag or errors make of it is another attack; the answers stay a function of what is told.
-        flats = after(flats, on_the_way.pop(0), flight.period)
+        lasted = flight.period * (1.0 + told.jitter * rng.uniform(-1.0, 1.0, (n, 1)))
+        flats = after(flats, on_the_way.pop(0), lasted)
+        if told.jitter > 0.0:
+            shield.held_for(lasted[:, 0])
+            assert not mine.held_for(lasted[:, 0]).any()
         if flight.moves:
-            obstacles = _moved(obstacles, flight.period)
+            obstacles = _moved(obstacles, lasted)
     return different, certified / steps, stopped / steps
 
 
@@ -151,5 +163,5 @@ def _moving(rng, shape):
 
 
 def _moved(obstacles, t):
-    center = obstacles.center + t * obstacles.velocity
+    center = obstacles.center + t[:, None] * obstacles.velocity
     return Obstacles(center, obstacles.radius, obstacles.velocity, obstacles.cores, obstacles.keep_out)

@@ -29,8 +29,9 @@ FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract
     BAD_COUNT,
     BAD_STATE,
     BAD_OBSTACLE,
+    BAD_TIME,
     TOO_LARGE,
-) = range(9)
+) = range(10)
 KINDS = ("invalid", "sphere", "capsule", "cylinder", "box", "hull", "half_space")
 # Kinds of ``quadsafe_core.shapes.cores`` in the order of those here.
 CORE_KINDS = (None, 1, 2, 3, 4, 5, 7)
@@ -40,7 +41,8 @@ def types_of(real):
     """The records of quadsafe.h."""
     uncertainty = np.dtype(
         [(name, real) for name in Uncertainty._fields[:7]]
-        + [("delay", "i4"), ("losses", "i4"), ("rotor_lag", real)],
+        + [("delay", "i4"), ("losses", "i4"), ("rotor_lag", real), ("rotor_lag_most", real)]
+        + [(name, real) for name in Uncertainty._fields[10:]],
         align=True,
     )
     numbers = (
@@ -203,6 +205,12 @@ class CShields:
         )
         return answers, codes
 
+    def held_for(self, seconds):
+        """For how long (N,) the last answers were held; codes."""
+        codes = np.zeros(self.n, dtype=np.int32)
+        self.library.call("held_rows", self.n, self.memory, self.library.reals(seconds), codes)
+        return codes
+
     def backup(self, mask):
         """Snaps (N, 3), 0 where it is not asked."""
         out = np.zeros((self.n, 3), dtype=self.library.real)
@@ -216,8 +224,12 @@ def settings_in(library, shield):
     for name in found.dtype.names:
         if name != "uncertainty":
             found[name] = np.inf if given[name] is None else given[name]
-    for name in found["uncertainty"].dtype.names if given["uncertainty"] else ():
-        found["uncertainty"][name] = given["uncertainty"][name]
+    told = found["uncertainty"]
+    for name, bound in (given["uncertainty"] or {}).items():
+        if isinstance(bound, tuple):
+            told["rotor_lag"], told["rotor_lag_most"] = bound
+        else:
+            told[name] = bound
     return found
 
 
