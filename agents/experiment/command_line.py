@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from agents.experiment.benchmark_command import Benchmark
 from agents.experiment.config import Experiment, Options, check_positive
 from agents.experiment.pairs import Pairs
 from agents.experiment.program import program
@@ -28,8 +29,8 @@ class Train:
     flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
     writes one for other programs, `train.py report RUN` makes its tables and figures again,
     `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles, `train.py calibrate` measures
-    what a shield is to be told of a plant that others wrote; each has --help.
-    `train.py --version` prints the version.
+    what a shield is to be told of a plant that others wrote, `train.py benchmark` compares every method; each
+    has --help. `train.py --version` prints the version.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -206,8 +207,9 @@ COMMANDS: dict[str, type] = {
     "watch": Watch,
     "map": Map,
     "calibrate": Calibrate,
+    "benchmark": Benchmark,
 }
-Command = Train | Evaluate | Export | Report | Watch | Map | Calibrate
+Command = Train | Evaluate | Export | Report | Watch | Map | Calibrate | Benchmark
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:
