@@ -26,9 +26,8 @@ typedef struct {
 } kept;
 
 static qs_state relative_to(const qs_state *x, qs_vec center, qs_vec velocity) {
-    qs_state y = *x;
-    y.r = subtract(x->r, center), y.v = subtract(x->v, velocity);
-    y.own_r = combined(subtract(x->own_r, center), x->lag, velocity);
+    qs_vec own = combined(subtract(x->own_r, center), x->lag, velocity);
+    qs_state y = {subtract(x->r, center), subtract(x->v, velocity), x->a, x->j, own, NOTHING, NOTHING, x->lag};
     return y;
 }
 

@@ -54,10 +54,14 @@ void init_rows(int n, qs_shield *shields, const qs_settings *settings, int *code
         codes[i] = qs_init(&shields[i], settings);
 }
 
+/* Of shields with the same settings: a tube takes long, and what one has prepared serves all. */
 void prepare_rows(int n, qs_shield *shields, qs_real period, int *codes)
 {
-    for (int i = 0; i < n; ++i)
-        codes[i] = qs_prepare(&shields[i], period);
+    for (int i = 0; i < n; ++i) {
+        if (i > 0 && codes[0] == QS_DONE && shields[i].rules.period != period)
+            shields[i].rules = shields->rules, shields[i].stop.is_stored = 0;
+        codes[i] = i > 0 && codes[0] != QS_DONE ? codes[0] : qs_prepare(&shields[i], period);
+    }
 }
 
 void gains_of(const qs_shield *shield, qs_real *out)

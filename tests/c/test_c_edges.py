@@ -26,9 +26,9 @@ from house import ROOT
 from random_shapes import random_shape
 
 from quadsafe_core.shapes import Hull, Obstacles
-from shields import Shield
+from shields import Shield, Uncertainty
 
-PERIOD = 0.01
+PERIOD, NONE = 0.01, Uncertainty()
 WARNED = ["cc", *FLAGS[:-1]]
 STRICT = ("-g", "-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all")
 LIBM = {"acos", "cbrt", "cos", "exp", "expm1", "fma", "rint", "sqrt"}
@@ -279,22 +279,31 @@ def test_distances_from_hulls_are_those_of_python_to_rounding():
         assert (np.abs(found[~outside, 0]) < 1e-6).all()
 
 
-def flown_at(found, shapes, steps, seed, period=PERIOD):
+def flown_at(found, shapes, steps, seed, met=NONE, told=NONE):
     """The least distance to shapes, m, of vehicles that are attacked behind a shield in C; a double plant."""
     rng, n = np.random.default_rng(seed), 30
     flats = np.zeros((n, 4, 3))
     flats[:, 0] = 4.0 * rng.normal(size=(n, 3))
-    while (inside := np.min([s.distance(flats[:, 0]) for s in shapes], axis=0) < 0.05).any():
+    while (inside := np.min([s.distance(flats[:, 0]) for s in shapes], axis=0) < 0.3).any():
         flats[inside, 0] = 4.0 * rng.normal(size=(inside.sum(), 3))
-    mine, least = CShields(found, Shield(), n), np.inf
+    mine, least = CShields(found, Shield(uncertainty=told), n), np.inf
     world = np.repeat(np.array([[made_in_c(s, found) for s in shapes]]), n, axis=0)
+    assert not mine.prepare(PERIOD).any()
     for step in range(steps):
-        goal = np.array([s.body().center for s in shapes])[rng.integers(0, len(shapes), n)]
-        pull = 60.0 * (goal - flats[:, 0] - 0.3 * flats[:, 1]) - 20.0 * flats[:, 2] - 8.0 * flats[:, 3]
+        if step % 80 == 0:
+            goal = np.array([s.body().center for s in shapes])[rng.integers(0, len(shapes), n)]
+        way = goal - flats[:, 0]
+        way /= np.linalg.norm(way, axis=1, keepdims=True)
+        pull = 216.0 * (2.0 * way - flats[:, 1]) - 108.0 * flats[:, 2] - 18.0 * flats[:, 3]
         snaps = pull if step // 40 % 2 == 0 else rng.normal(size=(n, 3)) * 10.0 ** rng.uniform(0, 3, (n, 1))
-        answers, codes = mine.filter(flats, world, snaps, period)
+        answers, codes = mine.filter(flats, world, snaps, PERIOD)
         assert not codes.any()
-        flats = after(flats, np.array(answers["snap"], dtype=float), period)
+        lasted = PERIOD * (1.0 + met.jitter * rng.uniform(-1.0, 1.0, (n, 1)))
+        flats = after(flats, np.array(answers["snap"], dtype=float), lasted)
+        if told.jitter > 0.0:
+            assert not mine.held_for(lasted[:, 0]).any()
+        if met.impulse > 0.0 and step % int(1.25 * met.impulse_gap / PERIOD) == 0:
+            flats[:, 1] += met.impulse * way
         least = min(least, *(s.distance(flats[:, 0]).min() for s in shapes))
     return least
 
@@ -305,6 +314,15 @@ def test_hulls_and_other_shapes_are_not_entered(is_float):
     shapes = [random_shape(rng, kind) for kind in ("hull", "hull", "box", "sphere", "capsule")]
     least = flown_at(library(is_float=is_float), shapes, 400, seed=3)
     assert 0.0 < least < 0.05
+
+
+@pytest.mark.parametrize("is_float", [False, True], ids=["double", "float"])
+def test_pushes_and_uneven_periods_enter_no_shape_where_they_were_told_of(is_float):
+    rng = np.random.default_rng(6)
+    shapes = [random_shape(rng, kind) for kind in ("box", "sphere", "capsule")]
+    met, found = Uncertainty(impulse=0.3, impulse_gap=0.5, jitter=0.1), library(is_float=is_float)
+    assert flown_at(found, shapes, 600, seed=5, met=met, told=met) > 0.0
+    assert flown_at(found, shapes, 600, seed=5, met=met) < 0.0
 
 
 def test_float_flies_as_double_does_but_for_rounding():
