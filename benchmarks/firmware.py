@@ -1,7 +1,7 @@
-"""What the C shield costs on a microcontroller: instructions a call and to prepare a period, flash, stack, memory.
+"""What the C shield costs on a microcontroller: instructions a call and a period length, flash, stack.
 
-    python benchmarks/onboard.py             # make firmware
-    python benchmarks/onboard.py --out docs/data/onboard.csv
+    python benchmarks/firmware.py            # make firmware
+    python benchmarks/firmware.py --out docs/data/onboard.csv
 
 It takes Debian's gcc-arm-none-eabi and qemu-system-arm. QEMU counts instructions, not cycles: 1,500 control
 periods among 1, 4 and 10 spheres, flown at the nearest at full speed, every third second by random snaps. The
@@ -116,7 +116,7 @@ def measured(target: Target, folder: Path) -> tuple[list[dict[str, Any]], list[i
     for line in lines[:3]:
         found = dict(zip(("spheres", "calls", "mean", "most", "violated"), line, strict=True))
         rows.append({**where, **found, "flash": flash, "stack": stack})
-    return rows, sum(lines[3:], [])
+    return rows, [used for line in lines[3:] for used in line]
 
 
 def main() -> None:
