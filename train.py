@@ -10,12 +10,14 @@ python train.py watch RUN        a flight of one of its agents, in a window or a
 python train.py watch M:NAME     a flight of a policy of yours
 python train.py map FILE         a map of obstacles, with the straight ways of 50 scenes
 python train.py calibrate        what a shield is to be told of a plant that others wrote
+python train.py benchmark        every method on every task, in one table
 """
 
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from agents.experiment.benchmark_command import Benchmark
 from agents.experiment.command_line import (
     Calibrate,
     Evaluate,
@@ -46,7 +48,7 @@ def train(command: Train) -> int:
         run = runs.begin_run(experiment, command.options, provenance.provenance(experiment))
         jobs = run.open_jobs()
         with engines.StopRequest(run.stop_file) as stop, progress_bar.ProgressBar(run, jobs, command.options):
-            failures = engine.run(run, jobs, command.options)
+            failures = engines.run_jobs(engine, run, jobs, command.options)
 
     for (arm, seed), failure in failures.items():
         print(f"{program()}: error: {arm}, seed {seed}: {failure}", file=sys.stderr)
@@ -148,6 +150,14 @@ def calibrate(command: Calibrate) -> int:
     return int(not is_good)
 
 
+def benchmark(command: Benchmark) -> int:
+    """Fly what is missing of the benchmark, and report; 130 if Ctrl-C ended it early, 1 if a job failed."""
+    from agents.benchmark import program as benchmark_program
+
+    with errors_as_sentences():
+        return benchmark_program.run(command)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command line, by default that of the process."""
     with errors_as_sentences():
@@ -160,6 +170,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Watch: watch,
         Map: draw_map,
         Calibrate: calibrate,
+        Benchmark: benchmark,
     }
     with interrupts_end_quietly():
         return commands[type(command)](command)

@@ -29,7 +29,7 @@ ENV, GAIN = "QuadSafe/Avoid-v0", 2.0  # the gain, 1/s
 TUNING_STEPS = 125  # of an attack
 TUNING_SCENES = [2**62 + i for i in range(200)]
 FIELDS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
-    "hocbf": {"gain": (3.0, 4.0, 6.0, 8.0), "margin": (0.005, 0.01, 0.02)},
+    "hocbf": {"gain": (8.0, 12.0, 16.0, 24.0), "margin": (0.005, 0.01, 0.02)},
     "predictive": {"blocks": (6, 9), "margin": (0.01, 0.02, 0.04), "jerk": (1.0, 1.7)},
     "geometric": {"pole": (2.5, 4.0, 6.0, 8.0), "margin": (0.01, 0.03, 0.1)},
 }

@@ -1,9 +1,11 @@
 """The arms of the comparison, as data."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 AgentKind = Literal["learner", "tracker", "random", "given"]
+# Between an arm and the one whose filter is put in front of its policies, as in "none+hocbf".
+IN_FRONT = "+"
 
 
 @dataclass(frozen=True)
@@ -30,11 +32,13 @@ class Arm:
     """A filter in the shield's place, in training and in evaluation, see ``agents.methods.wrapper``."""
     is_constrained: bool = False
     """Whether PPO learns under a limit on the mean cost of an episode, see ``agents.learn.lagrangian``."""
+    policies_of: str = ""
+    """The arm whose policies fly, where it learns nothing itself; they are flown with its filter only."""
 
     @property
     def is_trained(self) -> bool:
         """Whether there is anything to learn."""
-        return self.agent == "learner"
+        return self.agent == "learner" and not self.policies_of
 
     @property
     def has_seeds(self) -> bool:
@@ -60,3 +64,27 @@ ARMS = {
 }
 GIVEN = "policy"
 OF_RUNS = tuple(name for name, arm in ARMS.items() if arm.agent != "given")
+
+
+def arm_of(name: str) -> Arm:
+    """The arm of a name: of ``ARMS``; "module:Class", a filter of yours; or "A+B", the policies of A behind B.
+
+    Raises:
+        KeyError: for another name.
+    """
+    whose, plus, front = name.rpartition(IN_FRONT)
+    if plus:
+        learned, found = arm_of(whose), arm_of(front)
+        title = f"{learned.title}, then {found.title}"
+        return replace(found, title=title, is_shielded=False, policies_of=whose)
+    if ":" in name:
+        return Arm(name, is_shielded=True, filter=name)
+    return ARMS[name]
+
+
+def is_arm(name: str) -> bool:
+    """Whether there is an arm of this name; one in front of which something is put must learn."""
+    whose, plus, front = name.rpartition(IN_FRONT)
+    if plus:
+        return is_arm(whose) and is_arm(front) and arm_of(whose).is_trained and arm_of(front).is_shielded
+    return ":" in name or name in ARMS

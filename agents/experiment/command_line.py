@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
+from agents.experiment.benchmark_command import Benchmark
 from agents.experiment.config import Experiment, Options, check_positive
 from agents.experiment.pairs import Pairs
 from agents.experiment.program import program
@@ -28,8 +29,8 @@ class Train:
     flies the agents of a run again, `train.py evaluate MODULE:NAME` a policy of yours, `train.py export RUN`
     writes one for other programs, `train.py report RUN` makes its tables and figures again,
     `train.py watch RUN` shows a flight, `train.py map FILE` a map of obstacles, `train.py calibrate` measures
-    what a shield is to be told of a plant that others wrote; each has --help.
-    `train.py --version` prints the version.
+    what a shield is to be told of a plant that others wrote, `train.py benchmark` compares every method; each
+    has --help. `train.py --version` prints the version.
     """
 
     experiment: Annotated[Experiment, tyro.conf.arg(name="")] = field(default_factory=Experiment)
@@ -50,8 +51,9 @@ class Evaluate:
     """Number of held-out scenes, when another than that of the run; 200 of a policy."""
     num_threads: int = 1
     """Threads of torch."""
-    filter: Literal["", "hocbf", "predictive", "geometric"] = ""
-    """Of a run: fly every agent behind this filter of others, and leave tables and report as they are."""
+    filter: str = ""
+    """Of a run: fly every agent behind this filter of others, hocbf, predictive, geometric or module:Class, and
+    leave tables and report as they are."""
     env: str | None = None
     """Of a policy: id of the environment, QuadSafe/Avoid-v0 unless given."""
     action: str | None = None
@@ -205,8 +207,9 @@ COMMANDS: dict[str, type] = {
     "watch": Watch,
     "map": Map,
     "calibrate": Calibrate,
+    "benchmark": Benchmark,
 }
-Command = Train | Evaluate | Export | Report | Watch | Map | Calibrate
+Command = Train | Evaluate | Export | Report | Watch | Map | Calibrate | Benchmark
 
 
 def parse(arguments: Sequence[str] | None = None) -> Command:

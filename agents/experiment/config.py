@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from agents.experiment.arms import ARMS, OF_RUNS
+from agents.experiment.arms import ARMS, OF_RUNS, arm_of, is_arm
 from agents.experiment.pairs import Pairs
 from quadsafe_core.nearest_word import did_you_mean
 from quadsafe_core.registration import IDS
@@ -70,7 +70,8 @@ class Experiment:
     shield: Pairs = field(default_factory=dict)
     """Settings of the shield, as alpha:4.0 snap_max:80.0."""
     arms: Annotated[tuple[str, ...], tyro.conf.arg(metavar=f"{{{','.join(OF_RUNS)}}} ...")] = ("none", "shield")
-    """What to compare, see agents/experiment/arms.py."""
+    """What to compare, see agents/experiment/arms.py; also module:Class of a filter of yours, and none+NAME for
+    the policies of none flown behind the filter of NAME."""
     algo: Annotated[str, tyro.conf.arg(aliases=["--algorithm"])] = "ppo"
     """Algorithm of Stable-Baselines3 that the arms learn with: ppo, sac, td3, …; or sbx:PPO, that of sbx-rl."""
     hyperparams: Annotated[Pairs, tyro.conf.arg(aliases=["-params"])] = field(default_factory=dict)
@@ -89,10 +90,14 @@ class Experiment:
         check_positive(self, "n_timesteps", "n_seeds", "eval_episodes")
         if not _is_integer(self.seed) or not 0 <= self.seed < SEED_LIMIT:
             raise ValueError(f"seed must be an integer in [0, 2^32), got {self.seed!r}")
-        unknown = [arm for arm in self.arms if arm not in ARMS]
+        unknown = [arm for arm in self.arms if not is_arm(arm)]
         if not self.arms or len(set(self.arms)) < len(self.arms) or unknown:
             known, nearest = ", ".join(ARMS), did_you_mean(unknown[0], ARMS) if unknown else ""
             raise ValueError(f"arms must be one or several of {known}, got {list(self.arms)}{nearest}")
+        alone = [a for a in self.arms if arm_of(a).policies_of not in ("", *self.arms)]
+        if alone:
+            whose = arm_of(alone[0]).policies_of
+            raise ValueError(f"arms must have {whose} beside {alone[0]}, got {list(self.arms)}")
 
     @property
     def seeds(self) -> range:
@@ -101,7 +106,7 @@ class Experiment:
 
     def jobs(self) -> list[tuple[str, int]]:
         """Every (arm, seed), in the order of work; an arm without seeds has the first."""
-        return [(a, s) for s in self.seeds for a in self.arms if s == self.seed or ARMS[a].has_seeds]
+        return [(a, s) for s in self.seeds for a in self.arms if s == self.seed or arm_of(a).has_seeds]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv, VectorWrapper
 
-from agents.experiment.arms import ARMS, OF_RUNS, Arm
+from agents.experiment.arms import OF_RUNS, Arm, arm_of
 from agents.experiment.config import Experiment, default_hyperparams
 from agents.methods.wrapper import TOLD, filtered
 from quadsafe_core.checks import one_of, positive_integer
@@ -55,7 +55,7 @@ def make_env(experiment: Experiment, is_shielded: bool, **keywords: Any) -> Any:
 
 def make_training_env(experiment: Experiment, arm: str) -> VectorEnv:
     """The rows that an arm trains on."""
-    found = ARMS[arm]
+    found = arm_of(arm)
     penalty = {"intervention_penalty": found.intervention_penalty} if found.intervention_penalty else {}
     wanted = of_arm(experiment, found)
     wanted = replace(wanted, shield={**wanted.shield, **penalty})
@@ -91,7 +91,8 @@ def checked(experiment: Experiment) -> Experiment:
         ValueError, TypeError: naming what of the experiment does not fit.
     """
     for arm in experiment.arms:
-        one_of("each of arms", arm, OF_RUNS)
+        if arm_of(arm).agent == "given":
+            one_of("each of arms", arm, OF_RUNS)
     hyperparams = {
         "n_envs": 1,
         **default_hyperparams(experiment.env, experiment.algo),
@@ -99,7 +100,7 @@ def checked(experiment: Experiment) -> Experiment:
     }
     positive_integer("n_envs", hyperparams["n_envs"])
     spelled = replace(spelled_shield(experiment), hyperparams=hyperparams)
-    flown = [of_arm(spelled, ARMS[arm]) for arm in experiment.arms]
+    flown = [of_arm(spelled, arm_of(arm)) for arm in experiment.arms]
     # All are made before the first is flown, which compiles: a mistake is told at once.
     for env in [make_vector_env(one, 1, is_shielded) for one in flown for is_shielded in (False, True)]:
         env.reset(seed=0)

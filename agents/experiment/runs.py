@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Experiment, Options, experiment_from_dict, to_dict
 from agents.experiment.files import write_yaml
 
@@ -53,7 +53,9 @@ class Run:
 
     def is_trained(self, arm: str, seed: int) -> bool:
         """Whether there is something to fly: a policy, or an agent that needs none."""
-        return not ARMS[arm].is_trained or (self.folder_of(arm, seed) / "policy.pt").exists()
+        found = arm_of(arm)
+        learns = found.is_trained or found.policies_of
+        return not learns or (self.folder_of(found.policies_of or arm, seed) / "policy.pt").exists()
 
     def open_jobs(self) -> list[tuple[str, int]]:
         """Every (arm, seed) that is not done."""
@@ -65,7 +67,7 @@ class Run:
         Raises:
             FileNotFoundError: if there is none.
         """
-        found = [(a, s) for a, s in self.experiment.jobs() if ARMS[a].is_trained and self.is_trained(a, s)]
+        found = [(a, s) for a, s in self.experiment.jobs() if arm_of(a).is_trained and self.is_trained(a, s)]
         if not found:
             raise FileNotFoundError(f"run must hold a trained policy, got none in {self.folder}")
         return found

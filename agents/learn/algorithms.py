@@ -16,7 +16,7 @@ from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Experiment, Options
 from agents.experiment.environments import make_vector_env
 from agents.experiment.files import write_safely
@@ -150,7 +150,7 @@ def check_words(experiment: Experiment, options: Options) -> None:
     """
     algorithm = algorithm_of(experiment.algo)
     own = [name for name in signature(algorithm).parameters if name not in GIVEN]
-    constrained = [arm for arm in experiment.arms if ARMS[arm].is_constrained]
+    constrained = [arm for arm in experiment.arms if arm_of(arm).is_constrained]
     if constrained and experiment.algo != "ppo":
         raise ValueError(f"algo must be 'ppo' for the arm {constrained[0]}, got {experiment.algo!r}")
     own += CONSTRAINT_KEYS if constrained else ()

@@ -3,11 +3,13 @@
     maximise J_R  subject to  J_C <= d,        J_C the mean over episodes of the sum of info["cost"]
 
     Δ = J_C − d,   I <- (I + Δ)_+,   λ = (K_P Δ + K_I I + K_D (J_C − J_C')_+)_+      after every rollout
-    PPO climbs (A_R − λ A_C)/(1 + λ)
+    PPO climbs (A_R/σ_R − λ A_C/σ_C)/(1 + λ)
 
-where J_C' is the cost one rollout before, and A_R, A_C are advantages by GAE, each with a critic of its own.
+where J_C' is the cost one rollout before, A_R, A_C are advantages by GAE, each with a critic of its own, and
+σ_R, σ_C their standard deviations over the rollout, so that neither the unit of the reward nor how seldom a
+cost is changes what λ weighs; with ``normalize_advantage=False`` both are 1.
 A. Stooke, J. Achiam, P. Abbeel: Responsive Safety in Reinforcement Learning by PID Lagrangian Methods, ICML
-2020, Algorithms 1 and 2.
+2020, Algorithms 1 and 2; σ_R/σ_C stands for its ratio β of the norms of the gradients.
 """
 
 from collections.abc import Mapping
@@ -25,8 +27,8 @@ from quadsafe_core.checks import exact_array, finite_number
 
 # An episode that ends at its first violation costs 1 with one and 0 without: the limit is a share of flights.
 COST_LIMIT = 0.01
-# K_P, K_I and K_D: multiplier, in reward over cost, for an excess, its sum over rollouts, and its growth.
-GAINS = (2.0, 0.5, 0.0)
+# K_P, K_I and K_D: multiplier for an excess, its sum over rollouts, and its growth. Tuned: docs/benchmark.md.
+GAINS = (1.0, 0.15, 0.0)
 # Beside the arguments of PPO.
 CONSTRAINT_KEYS = ("cost_limit", "multiplier_gains")
 
@@ -124,8 +126,8 @@ class LagrangianPPO(PPO):
                 self.multiplier.update(float(np.mean(self._closed_costs)))
             self._cost_buffer = self._buffer_of_costs(rollout_buffer)
             weight = self.multiplier.value
-            advantages = rollout_buffer.advantages - weight * self._cost_buffer.advantages
-            rollout_buffer.advantages = advantages / (1.0 + weight)
+            of_reward, of_cost = (self._scaled(b.advantages) for b in (rollout_buffer, self._cost_buffer))
+            rollout_buffer.advantages = (of_reward - weight * of_cost) / (1.0 + weight)
         return is_whole
 
     def _update_info_buffer(self, infos: list[dict[str, Any]], dones: NDArray | None = None) -> None:
@@ -154,6 +156,10 @@ class LagrangianPPO(PPO):
         dones: Any = self._last_episode_starts
         found.compute_returns_and_advantage(last_values, dones)
         return found
+
+    def _scaled(self, advantages: NDArray[np.float32]) -> NDArray[np.float32]:
+        # A rollout without a cost leaves what the critic expected, which is not zero.
+        return advantages / (advantages.std() + 1e-8) if self.normalize_advantage else advantages
 
     def _predicted_costs(self, observations: NDArray) -> NDArray[np.float32]:
         with torch.no_grad():

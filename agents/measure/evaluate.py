@@ -10,12 +10,13 @@ from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.environments import behind, make_vector_env, of_arm
 from agents.experiment.files import write_csv, write_json
 from agents.experiment.runs import Run
 from agents.learn.algorithms import load_policy
 from agents.learn.episodes import EPISODE, EpisodeCounter
+from agents.methods.wrapper import file_word
 from agents.tracking import Tracker
 
 # Training scenes start below this integer; see agents.learn.algorithms.
@@ -85,11 +86,12 @@ def agent_of(run: Run, arm: str, seed: int, env: VectorEnv) -> Agent:
     Raises:
         ValueError: for a policy that was given to an evaluation: a run has its flights only.
     """
-    if ARMS[arm].agent == "given":
+    found = arm_of(arm)
+    if found.agent == "given":
         raise ValueError(f"run must have trained its agents, got the flights of a given policy in {run.folder}")
-    if ARMS[arm].agent == "tracker":
+    if found.agent == "tracker":
         return _Planned(env)
-    return RandomActions(seed) if ARMS[arm].agent == "random" else load_policy(run, arm, seed)
+    return RandomActions(seed) if found.agent == "random" else load_policy(run, found.policies_of or arm, seed)
 
 
 def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]:
@@ -109,14 +111,17 @@ def fly(agent: Agent, env: VectorEnv, scenes: Sequence[int]) -> NDArray[np.void]
 
 
 def evaluate(run: Run, arm: str, seed: int, eval_episodes: int) -> None:
-    """Fly one arm with one seed on held-out scenes, shield off and on, into its flights.csv."""
-    scenes, flights = held_out_scenes(eval_episodes), []
-    for is_shielded in (False, True):
-        env = make_vector_env(of_arm(run.experiment, ARMS[arm]), len(scenes), is_shielded)
-        flights.append(fly(agent_of(run, arm, seed, env), env, scenes))
-        if is_shielded and ARMS[arm].filter:
-            write_counts(run, arm, seed, ARMS[arm].filter, env)
-    write_flights(run, arm, seed, scenes, *flights)
+    """Fly one arm with one seed on held-out scenes, shield off and on, into its flights.csv.
+
+    An arm that only puts its filter in front of policies of another has those flights with it on.
+    """
+    scenes, flights, found = held_out_scenes(eval_episodes), [], arm_of(arm)
+    for is_shielded in (True,) if found.policies_of else (False, True):
+        env = make_vector_env(of_arm(run.experiment, found), len(scenes), is_shielded)
+        flights.append((is_shielded, fly(agent_of(run, arm, seed, env), env, scenes)))
+        if is_shielded and found.filter:
+            write_counts(run, arm, seed, found.filter, env)
+    _write(run.folder_of(arm, seed) / "flights.csv", scenes, flights)
 
 
 def evaluate_behind(run: Run, arm: str, seed: int, name: str, eval_episodes: int) -> NDArray[np.void]:
@@ -125,20 +130,20 @@ def evaluate_behind(run: Run, arm: str, seed: int, name: str, eval_episodes: int
     The episodes; flights_NAME.csv and solver_NAME.json come to lie beside its flights.csv.
 
     Raises:
-        ValueError: for a name that is none of ``agents.methods.wrapper.METHODS``.
+        ValueError, TypeError: for a name that is no filter's, see ``agents.methods.wrapper.make_filter``.
     """
     scenes = held_out_scenes(eval_episodes)
-    experiment = behind(of_arm(run.experiment, ARMS[arm]), name)
+    experiment = behind(of_arm(run.experiment, arm_of(arm)), name)
     env = make_vector_env(experiment, len(scenes), is_shielded=True)
     episodes = fly(agent_of(run, arm, seed, env), env, scenes)
     write_counts(run, arm, seed, name, env)
-    _write(run.folder_of(arm, seed) / f"flights_{name}.csv", scenes, ((True, episodes),))
+    _write(run.folder_of(arm, seed) / f"flights_{file_word(name)}.csv", scenes, ((True, episodes),))
     return episodes
 
 
 def write_counts(run: Run, arm: str, seed: int, name: str, env: Any) -> None:
     """What the solver of the filter in front of an env did, into solver_NAME.json of one arm with one seed."""
-    write_json(run.folder_of(arm, seed) / f"solver_{name}.json", env.shield.counts())
+    write_json(run.folder_of(arm, seed) / f"solver_{file_word(name)}.json", env.shield.counts())
 
 
 def write_flights(

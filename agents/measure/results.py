@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.files import header_of, read_csv, read_json
 from agents.experiment.runs import Run
 from agents.learn.episodes import EPISODE, TRACKED_EPISODE, TRACKING
@@ -95,7 +95,7 @@ def result_rows(seeds: list[Row]) -> list[Row]:
             "phase": phase,
             "arm": arm,
             "flown": flown,
-            "title": ARMS[arm].title,
+            "title": arm_of(arm).title,
             "seeds": len(rows),
             **_totals(rows),
             **_estimates(rows, groups.get((phase, *REFERENCE), [])),
@@ -127,7 +127,9 @@ def clearances(run: Run, arm: str) -> dict[str, NDArray[np.float64]]:
 
 def trained_seeds(run: Run, arm: str) -> list[int]:
     """The seeds whose finished trainings can be counted; none of an arm that learns nothing."""
-    return _seeds(run, arm, lambda *job: ARMS[arm].is_trained and run.is_trained(*job) and _is_told(run, *job))
+    return _seeds(
+        run, arm, lambda *job: arm_of(arm).is_trained and run.is_trained(*job) and _is_told(run, *job)
+    )
 
 
 def _episodes(path: Path, *columns: tuple[str, str]) -> NDArray[np.void]:
@@ -137,7 +139,7 @@ def _episodes(path: Path, *columns: tuple[str, str]) -> NDArray[np.void]:
 
 
 def _trained(run: Run, arm: str) -> list[Row]:
-    flown = "on" if ARMS[arm].is_shielded else "off"
+    flown = "on" if arm_of(arm).is_shielded else "off"
     return [
         {
             "phase": "training",
@@ -152,9 +154,10 @@ def _trained(run: Run, arm: str) -> list[Row]:
 
 
 def _flown(run: Run, arm: str) -> list[Row]:
+    # What is only put in front of policies of another arm is never taken away.
     return [
         flight_row(arm, seed, is_shielded, flights(run, arm, seed, is_shielded))
-        for is_shielded in (False, True)
+        for is_shielded in ((True,) if arm_of(arm).policies_of else (False, True))
         for seed in _seeds(run, arm, run.is_done)
     ]
 

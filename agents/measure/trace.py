@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.files import read_csv, read_json, write_csv, write_json
 from agents.experiment.runs import Run
@@ -67,7 +67,7 @@ def write_trace(run: Run, given: Agent | None = None) -> None:
     arm, seed, scene = found
     rows, facts = [], {}
     for is_shielded in (False, True):
-        env = make_env(of_arm(run.experiment, ARMS[arm]), is_shielded)
+        env = make_env(of_arm(run.experiment, arm_of(arm)), is_shielded)
         observation, _ = env.reset(options={"scene": scene})
         facts = _scene(env)
         pilot, is_over, time = Pilot(given or agent_of(run, arm, seed, env)), False, 0.0
@@ -89,7 +89,7 @@ def chosen_scene(run: Run) -> tuple[str, int, int] | None:
     """Arm, seed and scene of the first collision without a shield; of the first flight if there is none."""
     done = [job for job in run.experiment.jobs() if run.is_done(*job)]
     # An agent that learns tells more than one that does not.
-    for arm, seed in sorted(done, key=lambda job: not ARMS[job[0]].is_trained):
+    for arm, seed in sorted(done, key=lambda job: not arm_of(job[0]).is_trained):
         flights = read_csv(run.folder_of(arm, seed) / "flights.csv", FLIGHT)
         hits = flights[flights["violation"] & ~flights["shield"]]
         if hits.size:

@@ -1,7 +1,6 @@
 """What every filter of this room is: the same door to the slot, and the same book-keeping."""
 
 import math
-from abc import ABC, abstractmethod
 from array import array
 from collections.abc import Mapping
 from time import perf_counter_ns
@@ -22,8 +21,8 @@ from shields.settings.chain import chain_over
 class Vehicle(NamedTuple):
     """What a filter may ask of a vehicle: the numbers that the sampled shield counts on."""
 
-    snap_max: float
-    """Longest snap of a stop, m/s⁴."""
+    held_snap: float
+    """Longest snap that may be commanded, m/s⁴; that of a stop where no other is told."""
     jerk_max: float
     """m/s³."""
     least_thrust: float
@@ -43,7 +42,16 @@ class Answer(NamedTuple):
     """Whether its solver gave no answer, and something else is flown."""
 
 
-class Filter(ABC):
+class Answers(NamedTuple):
+    """What a filter wants of M rows."""
+
+    snap: Floats
+    """(M, 3), m/s⁴."""
+    failed: NDArray[np.bool_]
+    """(M,), see ``Answer``."""
+
+
+class Filter:
     """A filter in the slot of a plant, told of as the shield is: see ``shields.slot.recorded``.
 
     A desired snap that is not finite is answered by braking, filtered. ``fallback`` is a call whose solver
@@ -61,7 +69,7 @@ class Filter(ABC):
 
     can_lose = False
 
-    def __init__(self, settings: Mapping[str, Any], margin: float):
+    def __init__(self, settings: Mapping[str, Any], margin: float = 0.0):
         self.settings, self.vehicle = dict(settings), vehicle_of(settings)
         declared = settings["uncertainty"]
         self.delay = 0 if declared is None else int(declared["delay"])
@@ -71,21 +79,36 @@ class Filter(ABC):
         self.calls, self.solver_calls, self.solver_failures = 0, 0, 0
         self._nanoseconds = array("q")
 
-    @abstractmethod
     def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
-        """The answer to one row that was not let through: state (4, 3), desired snap (3,)."""
+        """The answer to one row that was not let through: state (4, 3), desired snap (3,).
 
-    @abstractmethod
+        A filter has this, or ``answers``.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has neither answer nor answers")
+
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
-        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3)."""
+        """Rows whose desired snap is the answer, (N,), for states (N, 4, 3); none if a filter does not say."""
+        return np.zeros(len(flat), dtype=np.bool_)
+
+    def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
+        """The answers to the rows (M,) that were not let through, of states (N, 4, 3), desired snaps (N, 3)."""
+        found = Answers(np.empty((len(rows), 3)), np.zeros(len(rows), dtype=np.bool_))
+        for i, row in enumerate(rows.tolist()):
+            began = perf_counter_ns()
+            found.snap[i], found.failed[i] = self.answer(row, flat[row], bodies, snap[row])
+            self._note(perf_counter_ns() - began, found.failed[i : i + 1])
+        return found
 
     @property
     def microseconds_per_call(self) -> float | None:
-        """Median of the time that a call of ``answer`` took, its solver included; None before the first."""
+        """Median of the time that a row took of a solver, all around it included; None before the first."""
         return float(np.median(self._nanoseconds)) / 1000.0 if self._nanoseconds else None
 
     def counts(self) -> dict[str, float | None]:
-        """Rows answered, for how many ``answer`` was asked, how often it failed, and its median time."""
+        """Rows answered, for how many a solver was asked, how many had no solution, and its median time.
+
+        A row without a solution counts, whoever found that there is none.
+        """
         return {
             "calls": self.calls,
             "solver_calls": self.solver_calls,
@@ -104,19 +127,16 @@ class Filter(ABC):
         if len(self._sent) != len(flat):
             self._sent = np.zeros((len(flat), self.delay, 3))
         flat = self._ahead(flat, period)
-        bodies, is_finite = (
-            bodies_of(obstacles, self.delay * period),
-            np.logical_and.reduce(np.isfinite(snap), axis=1),
-        )
-        wanted = np.where(is_finite[:, None], snap, braking(flat, period))
+        bodies = bodies_of(obstacles, self.delay * period)
+        is_finite = np.logical_and.reduce(np.isfinite(snap), axis=1)
+        wanted = snap if is_finite.all() else np.where(is_finite[:, None], snap, braking(flat, period))
         filtered = Filtered(np.zeros(NUMBERS * len(flat)), (len(flat),))
         filtered.snap[:], facts = wanted, filtered.facts
         facts["fallback"] = ~is_finite
         self.calls += len(flat)
-        for row in np.flatnonzero(~self.passes(flat, bodies, wanted, period)).tolist():
-            found = self._timed(row, flat[row], bodies, wanted[row])
-            filtered.snap[row] = found.snap
-            facts["fallback"][row] = found.failed or not is_finite[row]
+        rows = np.flatnonzero(~self.passes(flat, bodies, wanted, period))
+        filtered.snap[rows], failed = self.answers(rows, flat, bodies, wanted)
+        facts["fallback"][rows] = failed | ~is_finite[rows]
         self._tell(facts, flat, bodies, filtered.snap - wanted)
         self._sent = np.concatenate([self._sent, filtered.snap[:, None]], axis=1)[:, 1:]
         return filtered
@@ -128,13 +148,11 @@ class Filter(ABC):
             flat = np.einsum("op,npi->noi", step, flat) + added[:, None] * self._sent[:, i : i + 1]
         return flat
 
-    def _timed(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
-        began = perf_counter_ns()
-        found = self.answer(row, flat, bodies, snap)
-        self._nanoseconds.append(perf_counter_ns() - began)
-        self.solver_calls += 1
-        self.solver_failures += found.failed
-        return found
+    def _note(self, nanoseconds: int, failed: NDArray[np.bool_]) -> None:
+        """Count rows (M,) that were answered together in a time, and what failed of them."""
+        self._nanoseconds.extend([nanoseconds // len(failed)] * len(failed))
+        self.solver_calls += len(failed)
+        self.solver_failures += int(failed.sum())
 
     def _tell(self, facts: NDArray[np.void], flat: Floats, bodies: Bodies, change: Floats) -> None:
         facts["correction"], facts["intervened"] = np.linalg.norm(change, axis=1), change.any(axis=1)
@@ -161,7 +179,7 @@ class Filter(ABC):
         """There is none to ask for."""
         raise ValueError("a filter of agents.methods has no backup for lost answers, got a call for one")
 
-    def held_for(self, seconds: Floats) -> None:  # noqa: B027 - nothing follows from it
+    def held_for(self, seconds: Floats) -> None:
         """Times of held answers are not used."""
 
     def snapshot(self) -> dict[str, NDArray]:
@@ -181,9 +199,9 @@ def vehicle_of(settings: Mapping[str, Any]) -> Vehicle:
     if own is not None:
         names = ("snap_max", "jerk_max", "specific_thrust_min", "specific_thrust_max", "gravity")
         return Vehicle(*(own[name] for name in names))
-    jerk, most = settings["jerk_max"], settings["specific_thrust_max"]
+    held, jerk, most = (settings[name] for name in ("held_snap_max", "jerk_max", "specific_thrust_max"))
     return Vehicle(
-        settings["snap_max"] * settings["reserve"],
+        settings["snap_max"] * settings["reserve"] if held is None else held,
         math.inf if jerk is None else jerk,
         settings["specific_thrust_min"],
         math.inf if most is None else most,

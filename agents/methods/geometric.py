@@ -17,12 +17,13 @@ brakes for a period. The way to r_stop is not looked at: the margin is there for
 """
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.methods.filter import Answer, Filter
+from agents.methods.filter import Answers, Filter
 from agents.methods.halfspaces import Bodies, Floats, halfspace, row_of
 from quadsafe_core.checks import positive_number
 from quadsafe_core.kernels.jit import kernel
@@ -84,14 +85,15 @@ class GeometricFilter(Filter):
         passing_batch(bodies, desired, braked, (self.margin, BRAKING_TIME / self.pole, period), out)
         return out
 
-    def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
+    def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
         """Braking."""
-        return Answer(self._braking(flat[None])[0])
+        return Answers(self._braking(flat[rows]), np.zeros(len(rows), dtype=np.bool_))
 
     def _braking(self, flat: Floats) -> Floats:
         return -np.einsum("o,noi->ni", self._gains, flat[:, 1:])
 
 
+@cache
 def braking_law(pole: float, period: float) -> tuple[Floats, Floats]:
     """Gains (3,) on (v, a, j), and the weights (3,) of these in the way to rest."""
     gains, (step, added) = held_gains(3, pole, period), chain_over(period)

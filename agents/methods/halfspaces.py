@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from quadsafe_core.kernels.jit import kernel
-from quadsafe_core.kernels.vec3 import combined, dot, subtract, triple, write3
+from quadsafe_core.kernels.vec3 import combined, dot, subtract, triple
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import ABSENT, CORE, SPHERE, Cores, cores_of
 from quadsafe_core.shapes.distance import signed_distance
@@ -34,22 +34,19 @@ def row_of(points, i):
 
 @kernel
 def halfspace(bodies, row, k, x, time):
-    """n and c of n·x ≥ c, of body k of a row when the vehicle is at x; 0 and −inf of an absent one."""
+    """n and c of n·x ≥ c, in which body k of a row is not, of a vehicle at x; 0 and −inf of one that is absent.
+
+        n = the unit normal of the body at its point nearest to x,   c = n·x − d(x) + radius
+
+    with d the signed distance of x from its core. A convex body lies in n·x ≤ c, so that who keeps to n·x ≥ c
+    keeps clear of it. The time is in s from now; bodies move at constant velocity.
+    """
     core, radius = bodies.cores.core[row, k], bodies.radius[row, k]
     if core["kind"] == ABSENT or (core["kind"] == SPHERE and radius == 0.0):
         return (0.0, 0.0, 0.0), -np.inf
     center = combined(triple(bodies.center, row, k), time, triple(bodies.velocity, row, k))
     d, n = signed_distance(core, bodies.cores.numbers, subtract(x, center))
     return n, dot(n, x) - d + radius
-
-
-@kernel
-def halfspace_batch(bodies, row, points, times, normal, offset):
-    """Of one row and points (S, 3) at times (S,): normals (S, K, 3) and offsets (S, K) of n·x ≥ c."""
-    for s in range(points.shape[0]):
-        for k in range(normal.shape[1]):
-            n, offset[s, k] = halfspace(bodies, row, k, row_of(points, s), times[s])
-            write3(normal[s, k], n)
 
 
 @kernel
@@ -74,26 +71,3 @@ def bodies_of(obstacles: Obstacles, time: float = 0.0) -> Bodies:
     core = np.zeros(radius.shape, dtype=CORE)
     core["kind"] = SPHERE
     return Bodies(center, radius, velocity, Cores(core, np.zeros(1)))
-
-
-def halfspaces(bodies: Bodies, row: int, points: Floats, times: Floats) -> tuple[Floats, Floats]:
-    """The half-spaces n·x ≥ c, one of every body at every point, in which the body at that time is not.
-
-        n = the unit normal of the body at its point nearest to x,   c = n·x − d(x) + radius
-
-    with d the signed distance of x from its core. A convex body lies in n·x ≤ c, so that who keeps to n·x ≥ c
-    keeps clear of it.
-
-    Args:
-        bodies: of N worlds.
-        row: which of them.
-        points: (S, 3), m.
-        times: (S,), when a vehicle is there, s from now; bodies move at constant velocity.
-
-    Returns:
-        n (S, K, 3) and c (S, K), m; 0 and −inf of a body that is absent.
-    """
-    k = bodies.radius.shape[1]
-    normal, offset = np.empty((len(points), k, 3)), np.empty((len(points), k))
-    halfspace_batch(bodies, row, points, times, normal, offset)
-    return normal, offset

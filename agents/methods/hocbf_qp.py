@@ -8,11 +8,13 @@ Every h has relative degree 4 along the chain r⁗ = u, so that with ψ_0 = h, �
     sphere         h = ‖ρ‖² − D², ρ = r − c(t)   2 ρ·u ≥ −(6 a·a + 8 v·j + 4p ḣ̈̇ + 6p² ḧ + 4p³ ḣ + p⁴ h)
     other bodies   h = n·r − c(t) − margin, n the normal at the nearest point, held   n·u ≥ −(4p n·j + …)
 
-with D the keep-out radius and the margin. The box lies in the ball of the snaps that the vehicle is taken to
-give. The sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is
-infeasible, which is counted, and the snap of the box is flown that violates the rows least,
+with D the keep-out radius and the margin. The box lies in the ball of the snaps that may be commanded. The
+sets ψ_i ≥ 0 say nothing of the box: where box and barriers exclude each other the programme is infeasible,
+which is counted, and the snap of the box is flown that violates the rows least,
 
     minimise ‖u − u_des‖² + W s²   subject to   rows + s ≥ 0, with s in m/s⁴ of rows of unit length
+
+Where the solution touches one row at most it is known in closed form (``box_rows``), and daqp is not asked.
 
 References: W. Xiao and C. Belta, "High-order control barrier functions", IEEE TAC 67(7), 2022; Q. Nguyen and
 K. Sreenath, "Exponential control barrier functions", ACC 2016.
@@ -25,18 +27,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.methods.filter import Answer, Filter
+from agents.methods.box_rows import INFEASIBLE, SOLVED, TOLERANCE, UNDECIDED, least_point
+from agents.methods.filter import Answer, Answers, Filter
 from agents.methods.halfspaces import Bodies, Floats, halfspace, row_of
 from agents.methods.solver import check_solver, solved
 from quadsafe_core.checks import positive_number
 from quadsafe_core.kernels.jit import kernel
-from quadsafe_core.kernels.vec3 import dot, norm, scale, subtract, triple
+from quadsafe_core.kernels.vec3 import dot, norm, scale, subtract, triple, write3
 from quadsafe_core.shapes.cores import SPHERE
 
 # Weight of the slack against the distance from the desired snap.
 SLACK_WEIGHT = 1e6
-# By which a row may be missed and still count as kept, m/s⁴ of a row of unit length.
-TOLERANCE = 1e-4
 
 
 @kernel
@@ -77,6 +78,27 @@ def passing_batch(bodies, flat, snap, tuned, out):
             out[i] = out[i] and dot(A, u) >= b
 
 
+@kernel
+def answer_batch(bodies, rows, flat, tuned, snap, outcome):
+    """Over the desired snaps (M, 3) of some rows their solutions, or what violates least, and what came of it.
+
+    ``flat`` are the states (N, 4, 3) of all rows. A row that was not decided is left as it is.
+    """
+    p, margin, largest = tuned
+    A, b = np.empty((bodies.radius.shape[1], 3)), np.empty(bodies.radius.shape[1])
+    for i in range(rows.shape[0]):
+        for k in range(b.shape[0]):
+            n, b[k] = barrier(bodies, rows[i], k, flat[rows[i]], (p, margin))
+            write3(A[k], n)
+        d = row_of(snap, i)
+        u, outcome[i] = least_point(A, b, d, largest, 0.0)
+        if outcome[i] == INFEASIBLE:
+            u, found = least_point(A, b, d, largest, 1.0 / SLACK_WEIGHT)
+            outcome[i] = INFEASIBLE if found == SOLVED else UNDECIDED
+        if outcome[i] != UNDECIDED:
+            write3(snap[i], u)
+
+
 class HocbfFilter(Filter):
     """The HOCBF-QP.
 
@@ -86,17 +108,27 @@ class HocbfFilter(Filter):
         margin: kept beyond every keep-out distance, m.
     """
 
-    def __init__(self, settings: Mapping[str, Any], gain: float = 8.0, margin: float = 0.005):
+    def __init__(self, settings: Mapping[str, Any], gain: float = 12.0, margin: float = 0.005):
         super().__init__(settings, margin)
         check_solver()
         self.gain = positive_number("gain", gain)
-        self.largest = self.vehicle.snap_max / math.sqrt(3.0)
+        self.largest = self.vehicle.held_snap / math.sqrt(3.0)
 
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
         """Rows whose desired snap keeps every constraint: it is the solution."""
         passing = np.empty(len(flat), dtype=np.bool_)
         passing_batch(bodies, flat, snap, (self.gain, self.margin, self.largest), passing)
         return passing
+
+    def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
+        """The solutions in closed form, and daqp's of the rows that have none."""
+        snaps, outcome = snap[rows], np.empty(len(rows), dtype=np.int64)
+        answer_batch(bodies, rows, flat, (self.gain, self.margin, self.largest), snaps, outcome)
+        failed = outcome == INFEASIBLE
+        self.solver_failures += int(failed.sum())
+        asked = np.flatnonzero(outcome == UNDECIDED)
+        snaps[asked], failed[asked] = super().answers(rows[asked], flat, bodies, snap)
+        return Answers(snaps, failed)
 
     def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
         """The solution of the programme, or the least violating snap."""

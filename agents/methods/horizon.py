@@ -26,10 +26,10 @@ class Horizon(NamedTuple):
     """(S,) of the samples, s."""
     share: Floats
     """(S,) of the horizon that has passed then."""
-    carried: Floats
-    """(S, 4, 4) from the measured state to the samples."""
-    added: Floats
-    """(S, 4, B) from the plan to the samples."""
+    motion: Floats
+    """(4 S, 4 + B) from the measured state and the plan to the states at the samples."""
+    moved: Floats
+    """(S, B − 3) what ``free`` does to the position at the samples."""
     ends: NDArray[np.intp]
     """Samples at which a block ends."""
     rest: Floats
@@ -38,6 +38,8 @@ class Horizon(NamedTuple):
     """(B, B) what stays of a plan that is moved by the least change to end where it would without snap."""
     after: Floats
     """(B, 5) the plan of least effort with a given first snap, of the state and of that snap."""
+    first: Floats
+    """(1, 5) the first snap of least cost if nothing but the end binds, of the state and of the desired one."""
     free: Floats
     """(B, B − 3) the changes of a plan that leave its end, in units in which they cost their square."""
     fixed: Floats
@@ -64,12 +66,13 @@ def horizon_of(phase: int, blocks: int, period: float) -> Horizon:
         lengths,
         ticks * period,
         ticks / ticks[-1],
-        carried,
-        added,
+        np.concatenate([carried, added], axis=2).reshape(4 * len(ticks), -1),
+        added[:, 0] @ free,
         ends,
         -inverse @ E,
         np.eye(len(lengths)) - inverse @ G,
         after,
+        _first(after),
         free,
         np.kron(np.eye(3), limited).astype(np.float64),
     )
@@ -83,11 +86,23 @@ def _added(k: int, starts: NDArray[np.intp], lengths: NDArray[np.intp], period: 
     return np.stack([chain_over(b * period)[0] @ chain_over(a * period)[1] for b, a in pairs], axis=1)
 
 
+def _first(after: Floats) -> Floats:
+    """Where the derivative of (u_0 − u_des)² + ε Σ u_i² by u_0 is zero, the others being ``after``."""
+    others, own = after[1:, :4], after[1:, 4]
+    return np.array([[*(-EFFORT * own @ others), 1.0]]) / (1.0 + EFFORT * own @ own)
+
+
 def _free(G: Floats) -> Floats:
     """A basis of what G (3, B) does not see, orthonormal under the costs of a plan."""
     basis = np.linalg.svd(G)[2][3:].T
     costs = weights(len(basis))
     return np.asarray(np.linalg.solve(np.linalg.cholesky(basis.T * costs @ basis), basis.T).T, dtype=np.float64)
+
+
+def mapped(matrix: Floats, states: Floats) -> Floats:
+    """(N, M, 3), what a matrix (M, L) of one axis does to (N, L, 3) along each."""
+    lines = states.transpose(0, 2, 1).reshape(-1, states.shape[1]) @ matrix.T
+    return lines.reshape(len(states), 3, -1).transpose(0, 2, 1)
 
 
 def weights(pieces: int) -> Floats:

@@ -16,8 +16,10 @@ what was feasible stays feasible where the vehicle is the chain; margins and lim
 for where it is not. a_max is the largest number with ‖(a_max, a_max, a_max + g)‖ at most the largest specific
 thrust.
 
-A desired snap after which the plan of least Σ ‖u_i‖² is free is let through: it is the solution. Otherwise
-daqp is asked. What it answers is flown out on the chain, and if that misses a constraint by more than
+A desired snap after which the plan of least Σ ‖u_i‖² is free is let through: it is the solution. So is, for a
+desired snap out of the box, the plan with the first snap of least cost, clipped to the box along each axis, and
+least effort after it, if it is free: it solves the programme without its other constraints. Otherwise daqp is
+asked. What it answers is flown out on the chain, and if that misses a constraint by more than
 ``TOLERANCE`` it counts as a failure, as no answer does. Then the plan before is flown on, moved by the least
 change that ends it at rest from the measured state, and at first the plan of least effort.
 
@@ -27,21 +29,22 @@ constrained nonlinear dynamical systems", Automatica 129, 2021.
 
 import math
 from collections.abc import Mapping
+from functools import cache
+from time import perf_counter_ns
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.methods.filter import Answer, Filter, Vehicle
-from agents.methods.halfspaces import Bodies, Floats, halfspaces
-from agents.methods.horizon import BLOCK, Horizon, horizon_of, weights
+from agents.methods.filter import Answers, Filter, Vehicle
+from agents.methods.halfspaces import Bodies, Floats
+from agents.methods.horizon import BLOCK, horizon_of, mapped, weights
+from agents.methods.plan_rows import Bounds, free_batch, halfspace_rows_batch, kept_batch, obstacle_rows
 from agents.methods.solver import check_solver, solved
 from quadsafe_core.checks import positive_integer, positive_number
 
 # By which share limits are tighter at the end of the horizon.
 TIGHTER = 0.1
-# By which a constraint may be missed: m, m/s², m/s³, and as a share of the largest snap.
-TOLERANCE = 1e-4
 
 
 class Limits(NamedTuple):
@@ -62,7 +65,46 @@ def limits_of(vehicle: Vehicle) -> Limits:
     g, most = vehicle.gravity, vehicle.most_thrust
     acceleration = (math.sqrt(g * g + 3.0 * (most * most - g * g)) - g) / 3.0
     root = math.sqrt(3.0)
-    return Limits(vehicle.snap_max / root, vehicle.jerk_max / root, acceleration, vehicle.least_thrust - g)
+    return Limits(vehicle.held_snap / root, vehicle.jerk_max / root, acceleration, vehicle.least_thrust - g)
+
+
+class Programme(NamedTuple):
+    """What the programmes of one phase have in common; F fixed rows, Z unknowns."""
+
+    bounds: Bounds
+    H: Floats
+    """(Z, Z)."""
+    fixed: Floats
+    """(F, Z), see ``Horizon``."""
+    low: Floats
+    """(3, F/3), of snaps, accelerations and jerks along the axes."""
+    high: Floats
+    """As ``low``."""
+
+    def matrix(self, rows: int) -> tuple[Floats, Floats, Floats]:
+        """Memory for the matrix with so many rows more, the fixed ones filled in, and for its bounds."""
+        A = np.concatenate([self.fixed, np.empty((rows, self.fixed.shape[1]))])
+        return A, np.empty(len(A)), np.full(len(A), np.inf)
+
+
+@cache
+def programme_of(phase: int, blocks: int, period: float, limits: Limits) -> Programme:
+    """The programmes when ``phase`` periods of a block have been flown."""
+    h = horizon_of(phase, blocks, period)
+    tight = 1.0 - TIGHTER * h.share
+    high = np.repeat(limits.acceleration * tight[:, None], 3, axis=1)
+    low = -high
+    low[:, 2] = np.maximum(low[:, 2], limits.floor * tight)
+    jerk, pieces = np.full(len(tight), np.inf), np.full((len(h.lengths), 3), limits.snap)
+    jerk[h.ends] = limits.jerk * tight[h.ends]
+    ends = np.repeat(jerk[h.ends, None], 3, axis=1)
+    return Programme(
+        Bounds(limits.snap, low, high, jerk),
+        np.eye(h.fixed.shape[1]),
+        h.fixed,
+        np.concatenate([-pieces, low, -ends]).T,
+        np.concatenate([pieces, high, ends]).T,
+    )
 
 
 class PredictiveFilter(Filter):
@@ -75,7 +117,7 @@ class PredictiveFilter(Filter):
         jerk: share of j_max/√3 that a plan may take along an axis; with √3 the box is about the ball.
     """
 
-    def __init__(self, settings: Mapping[str, Any], blocks: int = 9, margin: float = 0.04, jerk: float = 1.7):
+    def __init__(self, settings: Mapping[str, Any], blocks: int = 6, margin: float = 0.04, jerk: float = 1.0):
         super().__init__(settings, margin)
         check_solver()
         self.blocks, limits = positive_integer("blocks", blocks), limits_of(self.vehicle)
@@ -83,67 +125,66 @@ class PredictiveFilter(Filter):
         self._phase = 0
         self.plans, self.is_planned = np.zeros((0, 0, 3)), np.zeros(0, dtype=np.bool_)
         self.horizon = horizon_of(0, self.blocks, 0.01)
+        self._programme = programme_of(0, self.blocks, 0.01, self.limits)
+        self._guesses, self._is_free = np.zeros((0, 0, 3)), np.zeros(0, dtype=np.bool_)
 
     def passes(self, flat: Floats, bodies: Bodies, snap: Floats, period: float) -> NDArray[np.bool_]:
-        """Rows whose desired snap has a plan of least effort after it that is free."""
+        """Rows whose desired snap has a plan of least effort after it that is free, a phase after the last."""
         if len(self.plans) != len(flat):
             self.plans = np.zeros((len(flat), (self.blocks + 1) * BLOCK + 1, 3))
             self.is_planned = np.zeros(len(flat), dtype=np.bool_)
         self._phase = (self._phase + 1) % BLOCK
         self.horizon = horizon_of(self._phase, self.blocks, period)
+        self._programme = programme_of(self._phase, self.blocks, period, self.limits)
+        is_inside = np.logical_and.reduce(np.abs(snap) <= self.limits.snap, axis=1)
         given = np.concatenate([flat, snap[:, None]], axis=1)
-        plans = np.einsum("bo,noi->nbi", self.horizon.after, given)
-        passing = self.is_within(flat, plans)
-        states = self.flown(flat, plans)
-        least = self._margins()
-        for row in np.flatnonzero(passing).tolist():
-            passing[row] = is_clear(bodies, row, states[row], self.horizon.times, least)
-        self._keep(passing, plans[passing])
-        return passing
+        # A desired snap out of the box is never the solution: the nearest first snap may be.
+        cheapest = np.clip(mapped(self.horizon.first, given), -self.limits.snap, self.limits.snap)
+        given[:, 4] = np.where(is_inside[:, None], snap, cheapest[:, 0])
+        self._guesses = np.ascontiguousarray(mapped(self.horizon.after, given))
+        self._is_free = np.empty(len(flat), dtype=np.bool_)
+        states = self.flown(flat, self._guesses)
+        checked = self._programme.bounds, self.horizon.times, self._margins()
+        free_batch(bodies, states, self._guesses, *checked, self._is_free)
+        self._keep(self._is_free, self._guesses[self._is_free])
+        return self._is_free & is_inside
 
-    def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
-        """The first snap of the plan that is nearest to the desired one, or of the plan before."""
-        before = self._before(row, flat)
-        n, c = halfspaces(bodies, row, self.flown(flat[None], before[None])[0, :, 0], self.horizon.times)
-        c = c + self._margins()[:, None]
-        plan = self._solution(flat, snap, n, c)
-        failed = plan is None
-        plan = before if plan is None else plan
-        self._keep(np.array([row]), plan[None])
-        return Answer(np.clip(plan[0], -self.limits.snap, self.limits.snap), failed)
+    def answers(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
+        """The first snaps of the plans that are nearest to the desired ones, or of the plans before."""
+        is_free = self._is_free[rows]
+        found = Answers(self._guesses[rows, 0], np.zeros(len(rows), dtype=np.bool_))
+        asked = np.flatnonzero(np.logical_not(is_free))
+        if len(asked):
+            began = perf_counter_ns()
+            found.snap[asked], found.failed[asked] = self._planned(rows[asked], flat, bodies, snap)
+            self._note(perf_counter_ns() - began, found.failed[asked])
+        return found
+
+    def _planned(self, rows: NDArray[np.intp], flat: Floats, bodies: Bodies, snap: Floats) -> Answers:
+        flat, before = flat[rows], self._before(rows, flat[rows])
+        shape = (len(rows), len(self.horizon.times), bodies.radius.shape[1])
+        n, c = np.empty((*shape, 3)), np.empty(shape)
+        states = self.flown(flat, before)
+        halfspace_rows_batch(bodies, rows, states, self.horizon.times, self._margins(), n, c)
+        plans, is_kept = self._solutions(flat, snap[rows], n, c), np.empty(len(rows), dtype=np.bool_)
+        kept_batch(self.flown(flat, plans), plans, self._programme.bounds, n, c, is_kept)
+        plans[~is_kept] = before[~is_kept]
+        self._keep(rows, plans)
+        return Answers(np.clip(plans[:, 0], -self.limits.snap, self.limits.snap), ~is_kept)
 
     def flown(self, flat: Floats, plans: Floats) -> Floats:
         """States (N, S, 4, 3) at the samples, from states (N, 4, 3) under plans (N, B, 3)."""
-        h = self.horizon
-        return np.einsum("sop,npi->nsoi", h.carried, flat) + np.einsum("sob,nbi->nsoi", h.added, plans)
-
-    def is_within(self, flat: Floats, plans: Floats) -> NDArray[np.bool_]:
-        """Which plans (N, B, 3) from states (N, 4, 3) keep to the limits, (N,)."""
-        low, high, jerk = self._bounds()
-        states, most = self.flown(flat, plans), self.limits.snap * (1.0 + TOLERANCE)
-        a, j = states[:, :, 2], states[:, self.horizon.ends, 3]
-        wrong = (np.abs(plans) > most).any(axis=(1, 2)) | (np.abs(j) > jerk[:, None] + TOLERANCE).any(
-            axis=(1, 2)
-        )
-        wrong |= ((a < low - TOLERANCE) | (a > high + TOLERANCE)).any(axis=(1, 2))
-        return np.logical_not(wrong)
-
-    def _bounds(self) -> tuple[Floats, Floats, Floats]:
-        """Bounds of a at the samples, (S, 3) twice, and of j where blocks end."""
-        tight, limits = 1.0 - TIGHTER * self.horizon.share, self.limits
-        high = np.repeat(limits.acceleration * tight[:, None], 3, axis=1)
-        low = -high
-        low[:, 2] = np.maximum(low[:, 2], limits.floor * tight)
-        return low, high, limits.jerk * tight[self.horizon.ends]
+        states = mapped(self.horizon.motion, np.concatenate([flat, plans], axis=1))
+        return states.reshape(len(flat), -1, 4, 3)
 
     def _margins(self) -> Floats:
         return self.margin * 0.5 * (1.0 + self.horizon.share)
 
-    def _before(self, row: int, flat: Floats) -> Floats:
-        """The plan before, to end at rest from the measured state; at first the one of least effort."""
+    def _before(self, rows: NDArray[np.intp], flat: Floats) -> Floats:
+        """The plans before, to end at rest from the measured states; at first those of least effort."""
         h = self.horizon
-        rest = h.rest @ flat
-        return rest + h.mended @ self.plans[row, 1:][h.starts] if self.is_planned[row] else rest
+        kept = mapped(h.mended, self.plans[rows, 1:][:, h.starts])
+        return mapped(h.rest, flat) + np.where(self.is_planned[rows, None, None], kept, 0.0)
 
     def _keep(self, rows: NDArray, plans: Floats) -> None:
         """Remember plans (M, B, 3) of some rows, period by period; at rest behind their end."""
@@ -152,34 +193,28 @@ class PredictiveFilter(Filter):
         self.plans[rows, : lengths.sum()] = np.repeat(plans, lengths, axis=1)
         self.is_planned[rows] = True
 
-    def _solution(self, flat: Floats, snap: Floats, n: Floats, c: Floats) -> Floats | None:
-        """The plan (B, 3) of the programme, or None; n (S, K, 3) and c (S, K) are its half-spaces."""
-        h = self.horizon
-        base = h.rest @ flat
-        start = self.flown(flat[None], base[None])[0]
-        apart = weights(len(base))[:, None] * (base - np.outer(np.eye(len(base))[0], snap))
-        f = (h.free.T @ apart).T.reshape(-1)
-        is_there = np.isfinite(c)
-        A = np.vstack([h.fixed, obstacle_rows(n, h)[is_there.reshape(-1)]])
-        low, high = self._fixed_bounds(base, start)
-        gap = (c - np.einsum("ski,si->sk", n, start[:, 0]))[is_there]
-        none = np.full(len(gap), np.inf)
-        z = solved(np.eye(len(f)), f, A, np.concatenate([low, gap]), np.concatenate([high, none]))
-        if z is None:
-            return None
-        plan = base + h.free @ z.reshape(3, -1).T
-        r = self.flown(flat[None], plan[None])[0, :, 0]
-        is_free = (np.einsum("ski,si->sk", n, r) >= c - TOLERANCE).all()
-        return plan if is_free and self.is_within(flat[None], plan[None])[0] else None
-
-    def _fixed_bounds(self, base: Floats, start: Floats) -> tuple[Floats, Floats]:
-        low, high, jerk = self._bounds()
-        u, a, j = base, start[:, 2], start[self.horizon.ends, 3]
-        lows, highs = [], []
-        for i in range(3):
-            lows += [-self.limits.snap - u[:, i], low[:, i] - a[:, i], -jerk - j[:, i]]
-            highs += [self.limits.snap - u[:, i], high[:, i] - a[:, i], jerk - j[:, i]]
-        return np.concatenate(lows), np.concatenate(highs)
+    def _solutions(self, flat: Floats, snap: Floats, n: Floats, c: Floats) -> Floats:
+        """The plans (M, B, 3) of the programmes with half-spaces n (M, S, K, 3), c (M, S, K); nan of none."""
+        h, programme = self.horizon, self._programme
+        base = mapped(h.rest, flat)
+        start = self.flown(flat, base)
+        apart = base.copy()
+        apart[:, 0] -= snap
+        f = (
+            mapped((weights(len(h.lengths))[:, None] * h.free).T, apart)
+            .transpose(0, 2, 1)
+            .reshape(len(flat), -1)
+        )
+        fixed = np.concatenate([base, start[:, :, 2], start[:, h.ends, 3]], axis=1).transpose(0, 2, 1)
+        z, count = np.full(f.shape, np.nan), len(h.fixed)
+        A, low, high = programme.matrix(n[0].size // 3)
+        for i in range(len(flat)):
+            low[:count], high[:count] = (programme.low - fixed[i]).ravel(), (programme.high - fixed[i]).ravel()
+            end = obstacle_rows(n[i], c[i], start[i], h.moved, count, A, low)
+            found = solved(programme.H, f[i], A[:end], low[:end], high[:end])
+            if found is not None:
+                z[i] = found
+        return np.ascontiguousarray(base + mapped(h.free, z.reshape(len(flat), 3, -1).transpose(0, 2, 1)))
 
     def reset(self, mask: NDArray[np.bool_] | None = None) -> None:
         """Forget the plans of rows, or of all."""
@@ -203,15 +238,3 @@ class PredictiveFilter(Filter):
         super().restore(snapshot)
         self.plans, self.is_planned = snapshot["plans"].copy(), snapshot["is_planned"].copy()
         self._phase = int(snapshot["phase"])
-
-
-def obstacle_rows(n: Floats, h: Horizon) -> Floats:
-    """What z does along normals (S, K, 3) at the samples, (S K, Z)."""
-    moved = h.added[:, 0] @ h.free
-    return np.einsum("ski,sz->skiz", n, moved).reshape(-1, 3 * moved.shape[1])
-
-
-def is_clear(bodies: Bodies, row: int, states: Floats, times: Floats, least: Floats) -> bool:
-    """Whether states (S, 4, 3) at times (S,) keep a distance (S,) beyond the keep-out of every body."""
-    n, c = halfspaces(bodies, row, states[:, 0], times)
-    return bool((np.einsum("ski,si->sk", n, states[:, 0]) - c >= least[:, None]).all())

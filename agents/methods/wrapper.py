@@ -10,6 +10,7 @@ from agents.methods.filter import Filter
 from agents.methods.geometric import GeometricFilter
 from agents.methods.hocbf_qp import HocbfFilter
 from agents.methods.predictive import PredictiveFilter
+from agents.named import found_by_name
 from quadsafe_core.checks import non_negative_number, one_of
 from shields import Shield, ShieldWrapper, VectorShieldWrapper
 from shields.settings.plant_settings import plain_settings, settings_for
@@ -31,7 +32,7 @@ class FilterWrapper(ShieldWrapper):
 
     Args:
         env: the environment; ``env.unwrapped`` has the slot.
-        filter: name in ``METHODS``.
+        filter: name in ``METHODS``, or "module:Class" of a ``Filter`` elsewhere.
         intervention_penalty: as in ``ShieldWrapper``.
         info_format: as in ``ShieldWrapper``.
         options: keywords of the filter; and ``inner_loop`` and ``uncertainty`` as in ``ShieldWrapper``, which
@@ -91,17 +92,32 @@ def make_filter(name: str, plant: Any, options: Mapping[str, Any]) -> Filter:
     """A filter for a plant with a slot.
 
     Args:
-        name: in ``METHODS``.
+        name: in ``METHODS``, or "module:Class" of a subclass of ``Filter`` in a module that can be imported.
         plant: it tells the limits of a flight, as it tells them to a shield.
         options: see ``FilterWrapper``.
 
     Raises:
         ValueError, TypeError: naming what does not fit.
     """
-    method = METHODS[one_of("filter", name, tuple(METHODS))]
+    method = method_of(name)
     told = {key: options[key] for key in TOLD if key in options}
     shield = Shield(**settings_for(plant, told.pop("inner_loop", "proved"), told))
     return method(shield.settings, **{key: value for key, value in options.items() if key not in TOLD})
+
+
+def method_of(name: str) -> type[Filter]:
+    """The class of a filter; see ``make_filter``."""
+    if not (isinstance(name, str) and ":" in name):
+        return METHODS[one_of("filter", name, tuple(METHODS))]
+    found = found_by_name("filter", "'module:Class'", name)
+    if not (isinstance(found, type) and issubclass(found, Filter)):
+        raise TypeError(f"filter must name a subclass of agents.methods.filter.Filter, got {name!r}: {found!r}")
+    return found
+
+
+def file_word(name: str) -> str:
+    """The name of a filter as a part of a file's name."""
+    return name.replace(":", ".")
 
 
 def filtered(env: Any, settings: Mapping[str, Any]) -> Any:

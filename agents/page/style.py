@@ -53,6 +53,11 @@ TEMPLATE = go.layout.Template(
 )
 
 
+def color_of(arm: str) -> str:
+    """The colour of an arm; of one that is no built-in, that of quiet text."""
+    return COLORS.get(arm, QUIET)
+
+
 def blank(height: int, **layout: Any) -> go.Figure:
     """A figure with nothing in it."""
     return styled(go.Figure(), height, **layout)

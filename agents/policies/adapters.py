@@ -1,8 +1,6 @@
 """What was made elsewhere as an agent that flies: a function, a model, an ONNX file, or the name of one."""
 
-import sys
 from collections.abc import Callable
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast, runtime_checkable
 
@@ -10,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.measure.evaluate import Agent
+from agents.named import found_by_name
 
 
 @runtime_checkable
@@ -100,16 +99,7 @@ def _named(word: str) -> Agent:
         from agents.policies.onnx_file import OnnxPolicy
 
         return OnnxPolicy(Path(word))
-    module, colon, name = word.partition(":")
-    if not (module and colon and name):
-        raise ValueError(f"policy must be an ONNX file or 'module:name', got {word!r}")
-    # As python -m has it: modules of the folder where one stands are found.
-    if "" not in sys.path:
-        sys.path.insert(0, "")
-    try:
-        found = getattr(import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"policy must name something in a module, got {word!r}: {error}") from error
+    found = found_by_name("policy", "an ONNX file or 'module:name'", word)
     if isinstance(found, str | Path):
         raise TypeError(f"policy must name a callable or a model, got a {type(found).__name__} as {word!r}")
     return agent_from(found)

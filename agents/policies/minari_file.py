@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.runs import Run
 from agents.learn.algorithms import load_policy
@@ -37,7 +37,7 @@ def export_flights(run: Run, arm: str, seed: int, folder: Path) -> str:
     _need_minari()
     if folder.exists():
         raise ValueError(f"output must be a folder that is not there yet, got {str(folder)!r}")
-    env = make_env(of_arm(run.experiment, ARMS[arm]), ARMS[arm].is_shielded)
+    env = make_env(of_arm(run.experiment, arm_of(arm)), arm_of(arm).is_shielded)
     policy = load_policy(run, arm, seed)
     scenes = held_out_scenes(run.experiment.eval_episodes)
     flights = [_flight(env, Pilot(policy), int(scene)) for scene in scenes]

@@ -1,6 +1,6 @@
 """What a run has not done yet, and what its folder lacks."""
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.runs import Run
 from agents.measure.results import COUNTED_FROM
 from agents.train.progress_bar import last_row
@@ -22,15 +22,15 @@ def condition(run: Run) -> list[tuple[str, str]]:
 
 def stopped(run: Run) -> list[str]:
     """Each unfinished training, and where it is: "no shield, seed 1, stopped at step 8,192 of 60,000"."""
-    jobs = [job for job in run.experiment.jobs() if ARMS[job[0]].is_trained and not run.is_trained(*job)]
-    return [f"{ARMS[arm].title}, seed {seed}, {_where(run, arm, seed)}" for arm, seed in jobs]
+    jobs = [job for job in run.experiment.jobs() if arm_of(job[0]).is_trained and not run.is_trained(*job)]
+    return [f"{arm_of(arm).title}, seed {seed}, {_where(run, arm, seed)}" for arm, seed in jobs]
 
 
 def missing_files(run: Run) -> list[str]:
     """The files that a run of now would have by now, by their paths in the folder of the run."""
     names: list[str] = [*EVERY_RUN]
     for arm, seed in run.experiment.jobs():
-        if ARMS[arm].is_trained and run.is_trained(arm, seed):
+        if arm_of(arm).is_trained and run.is_trained(arm, seed):
             names += [f"{run.folder_of(arm, seed).name}/{name}" for name in EVERY_TRAINING]
     if any(run.is_done(*job) for job in run.experiment.jobs()):
         names += TRACE

@@ -8,9 +8,9 @@ import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.measure.results import REFERENCE, Row
-from agents.page.style import COLORS, INK, PAPER, QUIET, WIDTH, blank, styled, translucent
+from agents.page.style import INK, PAPER, QUIET, WIDTH, blank, color_of, styled, translucent
 from agents.report.curves import Curve
 from agents.report.rates import interval
 
@@ -47,7 +47,7 @@ def violations(curves: Mapping[str, Curve], episodes: Mapping[str, int]) -> go.F
         add_curve(figure, arm, curve, DASHES[clean.index(arm) % len(DASHES)] if arm in clean else SOLID)
     top = max((np.nanmax([*curve.middle, *curve.high]) for curve in curves.values()), default=0.0) or 1.0
     if clean:
-        with_what = " with the shield" if all(ARMS[arm].is_shielded for arm in clean) else ""
+        with_what = " with the shield" if all(arm_of(arm).is_shielded for arm in clean) else ""
         text = f"0 collisions in {sum(episodes[arm] for arm in clean):,} episodes{with_what}"
         place = {"x": 1, "xref": "paper", "xanchor": "right", "y": 0, "yanchor": "top"}
         figure.add_annotation(text=text, font={"size": 12}, showarrow=False, **place)
@@ -67,10 +67,10 @@ def add_curve(
         is_in_legend: whether the legend names it.
         place: ``row`` and ``col`` of a subplot.
     """
-    color, known = COLORS[arm], np.isfinite(curve.low)
+    color, known = color_of(arm), np.isfinite(curve.low)
     around = np.concatenate([curve.steps[known], curve.steps[known][::-1]])
     band = np.concatenate([curve.low[known], curve.high[known][::-1]])
-    common = {"legendgroup": arm, "name": ARMS[arm].title, **place}
+    common = {"legendgroup": arm, "name": arm_of(arm).title, **place}
     if known.any():
         hidden = {"showlegend": False, "hoverinfo": "skip", "mode": "lines", "line_width": 0}
         figure.add_scatter(
@@ -119,7 +119,7 @@ def forest(rows: list[Row]) -> go.Figure:
         figure.add_trace(
             go.Scatter(x=[None], y=[None], mode="markers", name=name, marker=_marker(QUIET, flown))
         )
-    ticks = {"tickvals": list(range(len(arms))), "ticktext": [ARMS[arm].title for arm in arms]}
+    ticks = {"tickvals": list(range(len(arms))), "ticktext": [arm_of(arm).title for arm in arms]}
     figure.update_yaxes(range=[-0.6, len(arms) - 0.4], ticks="", showgrid=False)
     return figure.update_yaxes(**ticks, row=1, col=1)
 
@@ -131,8 +131,8 @@ def _distribution(arm: str, clearance: NDArray[np.float64], is_in_legend: bool) 
         x=np.concatenate([values[:1], values]),
         y=np.concatenate([[0.0], share]),
         mode="lines",
-        line={"color": COLORS[arm], "width": WIDTH, "shape": "hv"},
-        name=ARMS[arm].title,
+        line={"color": color_of(arm), "width": WIDTH, "shape": "hv"},
+        name=arm_of(arm).title,
         legendgroup=arm,
         showlegend=is_in_legend,
     )
@@ -152,10 +152,10 @@ def _whisker(row: Row, measure: str, place: int) -> go.Scatter:
             "arrayminus": [100.0 * (value - low)],
             "thickness": 1.8,
             "width": 0,
-            "color": COLORS[row["arm"]],
+            "color": color_of(row["arm"]),
         },
         mode="markers",
-        marker=_marker(COLORS[row["arm"]], row["flown"]),
+        marker=_marker(color_of(row["arm"]), row["flown"]),
         name=f"{row['title']}, {FLOWN[row['flown']]}",
         showlegend=False,
     )

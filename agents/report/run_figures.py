@@ -1,6 +1,6 @@
 """The figures of a run, each with its title and its words."""
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.runs import Run
 from agents.measure import results
 from agents.measure.results import Row
@@ -89,7 +89,7 @@ def _flights(run: Run, rows: list[Row]) -> list[CaptionedFigure]:
 
 def _scene(trace: Trace) -> list[CaptionedFigure]:
     scene = trace.scene
-    who = f"{ARMS[scene['arm']].title}, seed {scene['seed']}, scene {scene['scene']}"
+    who = f"{arm_of(scene['arm']).title}, seed {scene['seed']}, scene {scene['scene']}"
     return [
         CaptionedFigure(
             "flights",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Experiment
 from agents.experiment.environments import make_env, of_arm
 from agents.experiment.runs import Run, jobs_in_words
@@ -149,7 +149,7 @@ def watch(
         ValueError, OSError: for an arm, seed or scene that there is not, or a video that cannot be written.
     """
     arm, seed, scene = chosen_flight(run, arm, seed, scene)
-    experiment, stem = of_arm(run.experiment, ARMS[arm]), run.folder / f"{arm}_seed{seed}_{scene}"
+    experiment, stem = of_arm(run.experiment, arm_of(arm)), run.folder / f"{arm}_seed{seed}_{scene}"
     return show(experiment, f"arm {arm}, seed {seed}", partial(agent_of, run, arm, seed), scene, stem, how)
 
 

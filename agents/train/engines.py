@@ -1,10 +1,13 @@
 """Which engine runs the jobs of a run, and how they are asked to stop."""
 
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Options
-from agents.train.jobs import Engine
+from agents.experiment.runs import Run
+from agents.train.jobs import Engine, Job
 from agents.train.processes import ThisMachine
 
 
@@ -19,6 +22,15 @@ def engine_of(options: Options) -> Engine:
 
         return RayTasks(options.address)
     return ThisMachine()
+
+
+def run_jobs(engine: Engine, run: Run, jobs: Sequence[Job], options: Options) -> dict[Job, str]:
+    """Do the jobs, those that fly policies of others last; what could not be done, and why."""
+    learning = [job for job in jobs if not arm_of(job[0]).policies_of]
+    flying = [job for job in jobs if arm_of(job[0]).policies_of]
+    failures = engine.run(run, learning, options) if learning else {}
+    ready = [job for job in flying if run.is_trained(*job)]
+    return failures | (engine.run(run, ready, options) if ready else {})
 
 
 class StopRequest:

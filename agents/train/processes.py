@@ -47,9 +47,9 @@ class Processes:
 
     def __init__(self, count: int):
         self._count = count
-        # A server imports torch once, and every job is a fork of it.
+        # A server imports torch and loads the kernels once, and every job is a fork of it.
         self._context = get_context("forkserver")
-        self._context.set_forkserver_preload(["agents.train.training"])
+        self._context.set_forkserver_preload(["agents.train.warm"])
 
     def run(self, run: Run, jobs: Sequence[Job], options: Options) -> dict[Job, str]:
         """Do the jobs; what could not be done, and why."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Options
 from agents.experiment.runs import Run
 
@@ -22,7 +22,7 @@ class ProgressBar:
     """
 
     def __init__(self, run: Run, jobs: Sequence[tuple[str, int]], options: Options):
-        self._run, self._jobs = run, [job for job in jobs if ARMS[job[0]].is_trained]
+        self._run, self._jobs = run, [job for job in jobs if arm_of(job[0]).is_trained]
         self._total = len(self._jobs) * run.experiment.n_timesteps
         self._is_hidden = False if options.progress else None
         self._is_over = threading.Event()

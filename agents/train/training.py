@@ -12,7 +12,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Options
 from agents.experiment.environments import make_training_env
 from agents.experiment.files import failures_name, write_csv, write_json
@@ -48,7 +48,7 @@ def train(run: Run, arm: str, seed: int, options: Options) -> None:
     """Train one arm with one seed, from its checkpoint if there is one; weights are there at the end."""
     folder = run.folder_of(arm, seed)
     env = Sb3VectorEnv(make_training_env(run.experiment, arm))
-    model = make_model(run.experiment, env, seed, options.device, ARMS[arm].is_constrained)
+    model = make_model(run.experiment, env, seed, options.device, arm_of(arm).is_constrained)
     table, counter = ProgressTable(), EpisodeCallback()
     model.set_logger(Logger(None, [table, *_tensorboard(options, f"{run.folder.name}/{folder.name}")]))
     with EpisodeFile(folder / "episodes.csv", env.finished.dtype) as episodes:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agents.experiment.arms import ARMS
+from agents.experiment.arms import arm_of
 from agents.experiment.config import Experiment, to_dict
 from agents.experiment.files import write_csv, write_json, write_text, write_yaml
 from agents.experiment.runs import Run
@@ -26,7 +26,7 @@ def made_run(folder: Path, arms=("none", "shield"), n_seeds=3, is_flown=True, is
     write_yaml(folder / "config.yml", to_dict(experiment))
     for number, (arm, seed) in enumerate(experiment.jobs()):
         rng = np.random.default_rng([number, seed])
-        if ARMS[arm].is_trained:
+        if arm_of(arm).is_trained:
             write_training(run, arm, seed, rng)
         if is_flown:
             write_flights(run, arm, seed, rng)
@@ -41,7 +41,7 @@ def kind_of(run: Run) -> np.dtype:
 
 def write_training(run: Run, arm: str, seed: int, rng: np.random.Generator) -> None:
     ends = np.sort(rng.integers(1, STEPS, EPISODES))
-    episodes = made_episodes(EPISODES, not ARMS[arm].is_shielded, ARMS[arm].is_shielded, rng, kind_of(run))
+    episodes = made_episodes(EPISODES, not arm_of(arm).is_shielded, arm_of(arm).is_shielded, rng, kind_of(run))
     rows = [[end, *episode] for end, episode in zip(ends, episodes.tolist(), strict=True)]
     write_csv(run.folder_of(arm, seed) / "episodes.csv", ["timestep", *(kind_of(run).names or ())], rows)
     write_progress(run, arm, seed, rng)

@@ -180,6 +180,28 @@ def test_a_button_that_has_the_focus_keeps_the_space_bar(page_anew):
 
 
 @needs_chromium
+def test_a_gamepad_flies_and_its_buttons_press_once(page_anew):
+    page = page_anew
+    page.ask("window.pad = { axes: [0.05, -1, 0, 0], buttons: [{ pressed: false }, { pressed: false }] }, 0")
+    # A browser tells of a gamepad in a list with empty places.
+    page.ask("navigator.getGamepads = () => [null, window.pad], 0")
+    start = page.ask("page.engine.position(SHIELDED)[0]")
+    page.until(f"page.engine.position(SHIELDED)[0] > {start + 0.05}")
+    # A stick that rests a little beside its middle asks for nothing, and up on it is minus one.
+    assert page.ask("page.pilot.asked()") == {"forward": 1, "left": 0, "up": 0, "turn": 0}
+    page.ask("window.pad = { axes: [0, 0, 0.5, -1], buttons: [{ pressed: true }] }, 0")
+    page.until("page.game.isOn === false")
+    assert page.ask("page.pilot.asked()") == {"forward": 0, "left": 0, "up": 1, "turn": -0.5}
+    page.ask("[...Array(9)].forEach(() => page.pilot.asked()), 0")
+    assert page.ask("page.game.isOn") is False
+    page.ask(
+        "window.pad.buttons[0].pressed = false, page.pilot.asked(), window.pad.buttons[0].pressed = true, 0"
+    )
+    page.until("page.game.isOn === true")
+    assert page.errors == []
+
+
+@needs_chromium
 def test_a_phone_shows_all_of_it_and_thumbs_fly(browser):
     begun(browser, 390, 844)
     browser.call("Emulation.setTouchEmulationEnabled", enabled=True)

@@ -105,19 +105,36 @@ def test_the_pid_rule_by_hand():
     assert found == [(0.25, 0.5 + 0.125 + 3.0), (0.25, 0.125), (0.0, 0.0), (0.0, 0.0), (1.0, 2.0 + 0.5 + 6.0)]
 
 
-def test_the_advantages_are_those_of_the_lagrangian(monkeypatch):
+@pytest.mark.parametrize("is_scaled", [False, True])
+def test_the_advantages_are_those_of_the_lagrangian(monkeypatch, is_scaled):
     advantages = []
     monkeypatch.setattr(
         LagrangianPPO, "train", lambda model: advantages.append(model.rollout_buffer.advantages)
     )
-    model, noted = flown(Walk, 1, gamma=0.9, gae_lambda=0.8, cost_limit=0.5, multiplier_gains=(1.0, 0.0, 0.0))
+    settings = {"cost_limit": 0.5, "multiplier_gains": (1.0, 0.0, 0.0), "normalize_advantage": is_scaled}
+    model, noted = flown(Walk, 1, gamma=0.9, gae_lambda=0.8, **settings)
     weight = model.multiplier.value
     assert weight == pytest.approx(np.mean(ended_costs(noted.seen)) - 0.5)
     buffer = model.rollout_buffer
     critics = (model.policy, np.ones(buffer.rewards.shape)), (model.cost_critic, costs_of(noted.seen))
     of_reward, of_cost = (slow_advantages(model, critic, paid, noted.seen) for critic, paid in critics)
+    if is_scaled:
+        of_reward, of_cost = of_reward / np.std(of_reward), of_cost / np.std(of_cost)
     expected = (of_reward - weight * of_cost) / (1.0 + weight)
     np.testing.assert_allclose(advantages[0], expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("paid", [0.1, 10.0])
+def test_what_a_bandit_pays_does_not_decide_whether_it_reaches_its_limit(paid):
+    class Paying(Bandit):
+        def step(self, action):
+            observation, reward, *rest = super().step(action)
+            return observation, paid * reward, *rest
+
+    _, noted = flown(Paying, 60, learning_rate=0.01, cost_limit=LIMIT)
+    assert min(noted.multipliers) >= 0.0
+    assert max(noted.costs[:20]) > 0.6
+    assert np.mean(noted.costs[-20:]) == pytest.approx(LIMIT, abs=0.05)
 
 
 @pytest.mark.parametrize(

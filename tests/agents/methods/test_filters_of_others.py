@@ -15,7 +15,7 @@ from agents.experiment.runs import create_run
 from agents.measure.evaluate import fly, held_out_scenes
 from agents.methods import predictive
 from agents.methods.geometric import GeometricFilter, braking_law, with_stop
-from agents.methods.halfspaces import bodies_of, halfspaces
+from agents.methods.halfspaces import bodies_of, halfspace
 from agents.methods.hocbf_qp import HocbfFilter
 from agents.methods.horizon import BLOCK
 from agents.methods.predictive import PredictiveFilter
@@ -25,7 +25,9 @@ from quadsafe_core.shapes import Box, HalfSpace, Obstacles, Sphere
 from shields import Shield, ShieldWrapper
 
 PERIOD = 0.01
-SETTINGS = Shield(jerk_max=59.0, specific_thrust_min=3.9, specific_thrust_max=22.0).settings
+SETTINGS = Shield(
+    held_snap_max=1000.0, jerk_max=59.0, specific_thrust_min=3.9, specific_thrust_max=22.0
+).settings
 needs_solver = pytest.mark.skipif(
     find_spec("daqp") is None, reason='needs daqp: pip install "quadsafe[methods]"'
 )
@@ -59,8 +61,10 @@ def test_an_attack_ends_at_the_filter_and_without_it_in_the_sphere(name):
     episodes, env = attacked({"filter": name})
     assert not episodes["violation"].any() and (episodes["interventions"] > 0).all()
     counts = env.shield.counts()
-    assert counts["calls"] >= 800 and 0 < counts["solver_calls"] <= counts["calls"]
-    assert counts["solver_failures"] <= 0.01 * counts["calls"] and counts["microseconds_per_call"] > 0.0
+    # Of one sphere the HOCBF-QP is known in closed form, and braking needs no solver.
+    assert counts["calls"] >= 800 and (counts["solver_calls"] > 0) == (name == "predictive")
+    assert counts["solver_failures"] <= 0.01 * counts["calls"] and counts["solver_calls"] <= counts["calls"]
+    assert (counts["microseconds_per_call"] is None) == (counts["solver_calls"] == 0)
 
 
 def test_without_a_filter_the_same_attack_collides():
@@ -131,11 +135,12 @@ def test_a_snap_that_is_no_number_is_answered_by_braking():
 def test_half_spaces_are_those_at_the_nearest_point_of_a_body_where_it_will_be():
     box, ball = Box((1.0, 0.0, 0.0), (1.0, 1.0, 1.0)), Sphere((0.0, 3.0, 0.0), 0.5, velocity=(0.0, -1.0, 0.0))
     bodies = bodies_of(Obstacles.pack([[box, ball]], keep_out=0.1))
-    point = np.array([[-1.0, 0.0, 0.0]])
-    n, c = halfspaces(bodies, 0, point, np.array([2.0]))
-    assert n[0, 0] == pytest.approx([-1.0, 0.0, 0.0]) and c[0, 0] == pytest.approx(-0.5 + 0.1)
+    point = (-1.0, 0.0, 0.0)
+    n, c = halfspace(bodies, 0, 0, point, 2.0)
+    assert n == pytest.approx((-1.0, 0.0, 0.0)) and c == pytest.approx(-0.5 + 0.1)
     # In two seconds the ball is at (0, 1, 0).
-    assert n[0, 1] @ point[0] - c[0, 1] == pytest.approx(np.sqrt(2.0) - 0.6)
+    n, c = halfspace(bodies, 0, 1, point, 2.0)
+    assert np.dot(n, point) - c == pytest.approx(np.sqrt(2.0) - 0.6)
 
 
 @needs_solver
@@ -178,7 +183,7 @@ def test_hocbf_without_a_solution_is_counted_and_violates_least():
 @needs_solver
 def test_the_plan_of_the_predictive_filter_is_free_and_ends_at_rest():
     found = PredictiveFilter(SETTINGS)
-    flat, snap = at((-1.5, 0.05, 0.0), v=(2.0, 0.0, 0.0)), np.array([[300.0, 0.0, 0.0]])
+    flat, snap = at((-1.3, 0.05, 0.0), v=(1.2, 0.0, 0.0)), np.array([[300.0, 0.0, 0.0]])
     for _ in range(40):
         answer = found.filter(flat, SPHERE, snap, PERIOD)
         plan = found.plans[0]
@@ -191,16 +196,16 @@ def test_the_plan_of_the_predictive_filter_is_free_and_ends_at_rest():
         flat = reflown(flat[0], plan[:1])[-1:]
     assert found.solver_calls > 10 and found.solver_failures == 0
     # The counter-case: what is desired leads in.
-    states = reflown(at((-1.5, 0.05, 0.0), v=(2.0, 0.0, 0.0))[0], np.tile(snap, (60, 1)))
+    states = reflown(at((-1.3, 0.05, 0.0), v=(1.2, 0.0, 0.0))[0], np.tile(snap, (60, 1)))
     assert np.linalg.norm(states[:, 0], axis=1).min() < 0.5
 
 
 @needs_solver
 @pytest.mark.parametrize("lie", [None, 1e3])
 def test_where_the_solver_fails_or_lies_the_plan_before_is_flown(lie, monkeypatch):
-    found, flat = PredictiveFilter(SETTINGS), at((-1.5, 0.0, 0.0), v=(2.0, 0.0, 0.0))
+    found, flat = PredictiveFilter(SETTINGS), at((-1.3, 0.0, 0.0), v=(1.2, 0.0, 0.0))
     snap = np.array([[300.0, 0.0, 0.0]])
-    for _ in range(25):
+    for _ in range(40):
         answer = found.filter(flat, SPHERE, snap, PERIOD)
         before = found.plans[0].copy()
         flat = reflown(flat[0], answer.snap)[-1:]

@@ -1,0 +1,1 @@
+"""Every method on the same quadrotor: what is flown, its table and its picture."""
