@@ -1,7 +1,7 @@
-"""What the C shield costs on a microcontroller: instructions a call, flash, stack, memory.
+"""What the C shield costs on a microcontroller: instructions a call and a period length, flash, stack.
 
-    python benchmarks/onboard.py             # make firmware
-    python benchmarks/onboard.py --out docs/data/onboard.csv
+    python benchmarks/firmware.py            # make firmware
+    python benchmarks/firmware.py --out docs/data/onboard.csv
 
 It takes Debian's gcc-arm-none-eabi and qemu-system-arm. QEMU counts instructions, not cycles: 1,500 control
 periods among 1, 4 and 10 spheres, flown at the nearest at full speed, every third second by random snaps. The
@@ -41,6 +41,7 @@ class Target(NamedTuple):
 
 # What a program for spheres calls; the shapes come with the filter.
 ROOTS = ("qs_defaults", "qs_init", "qs_prepare", "qs_sphere", "qs_filter", "qs_backup")
+PREPARED = ("errors", "pushes", "a lag in an interval", "jitter")
 REALS = {"float": ["-DQS_FLOAT"], "double": []}
 M4, M7 = "-mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "-mcpu=cortex-m7 -mfpu=fpv5-d16"
 TARGETS = (
@@ -98,8 +99,8 @@ def flash_of(target: Target, objects: list[Path], folder: Path) -> int:
     return int(run(SIZES, image).splitlines()[1].split()[0])
 
 
-def measured(target: Target, folder: Path) -> list[dict[str, Any]]:
-    """Rows of the table, one for each number of spheres."""
+def measured(target: Target, folder: Path) -> tuple[list[dict[str, Any]], list[int]]:
+    """Rows of the table, one for each number of spheres; instructions of ``qs_prepare``, in float."""
     folder.mkdir(parents=True, exist_ok=True)
     objects = library(target, folder)
     image, sources = folder / "count.elf", [ROOT / "c/firmware/board.c", ROOT / "c/firmware/count.c"]
@@ -111,10 +112,11 @@ def measured(target: Target, folder: Path) -> list[dict[str, Any]]:
     flash = flash_of(target, objects, folder)
     stack = deepest(folder, "qs_filter")
     rows, where = [], {"target": target.name, "real": target.real, "level": target.level}
-    for line in told.splitlines():
-        found = dict(zip(("spheres", "calls", "mean", "most", "violated"), map(int, line.split()), strict=True))
+    lines = [[int(word) for word in line.split()] for line in told.splitlines()]
+    for line in lines[:3]:
+        found = dict(zip(("spheres", "calls", "mean", "most", "violated"), line, strict=True))
         rows.append({**where, **found, "flash": flash, "stack": stack})
-    return rows
+    return rows, [used for line in lines[3:] for used in line]
 
 
 def main() -> None:
@@ -127,12 +129,23 @@ def main() -> None:
         print(f"skipped: {', '.join(missing)} not found; Debian has gcc-arm-none-eabi and qemu-system-arm")
         sys.exit(0)
     folder = ROOT / "logs/firmware"
-    rows = [row for one in TARGETS for row in measured(one, folder / f"{one.name}-{one.real}{one.level}")]
+    found = [measured(one, folder / f"{one.name}-{one.real}{one.level}") for one in TARGETS]
+    rows = [row for rows, _ in found for row in rows]
     print("| processor | reals | level | spheres | instructions a call, mean | most | flash, B | stack, B |")
     print("|---|---|---|---:|---:|---:|---:|---:|")
     for row in rows:
         where = f"{row['target']} | {row['real']} | `{row['level']}` | {row['spheres']}"
         print(f"| {where} | {row['mean']:,} | {row['most']:,} | {row['flash']:,} | {row['stack']:,} |")
+    print(
+        "\n| processor | reals | level | "
+        + " | ".join(PREPARED)
+        + " |\n|---|---|---|"
+        + "---:|" * len(PREPARED)
+    )
+    for target, (_, used) in zip(TARGETS, found, strict=True):
+        if used:
+            millions = " | ".join(f"{one / 1e6:.0f}" for one in used)
+            print(f"| {target.name} | {target.real} | `{target.level}` | {millions} |")
     with given.out.open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()

@@ -3,7 +3,7 @@
     python benchmarks/onboard.py [STATES]
 
 Prints a table for docs/onboard.md: for each kind of flight that the tests know the answers that were compared,
-how many differ, the largest relative difference of gains and widths, and how long it took.
+how many differ, the largest relative difference of gains and widths, and how long ``qs_prepare`` and all took.
 """
 
 import sys
@@ -16,9 +16,10 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tests" / "helpers"), str(ROOT)]
 
 from c_flights import FLIGHTS, fly, numbers_off  # noqa: E402 # pyright: ignore[reportMissingImports]
-from c_shield import library  # noqa: E402 # pyright: ignore[reportMissingImports]
+from c_shield import CShields, library  # noqa: E402 # pyright: ignore[reportMissingImports]
 
 from quadsafe_core.maths.projection import project_batch  # noqa: E402
+from shields import Shield  # noqa: E402
 from shields.chains.lower_bound import lower4_batch  # noqa: E402
 from shields.filters.sampled import sampled_input_batch  # noqa: E402
 
@@ -53,16 +54,23 @@ def functions(n):
         yield f"projection onto {count}", n, is_other.sum()
 
 
+def prepared(flight):
+    """Milliseconds of processor time that ``qs_prepare`` takes."""
+    mine, start = CShields(library(), Shield(**flight.settings), 1), time.process_time()
+    mine.prepare(flight.period)
+    return 1e3 * (time.process_time() - start)
+
+
 def main():
     n = int(float(sys.argv[1])) if len(sys.argv) > 1 else 1_000_000
-    print("| what | answers | differ | gains and widths off | s |\n|---|---|---|---|---|")
+    print("| what | answers | differ | gains and widths off | prepare, ms | s |\n|---|---|---|---|---|---|")
     for name, count, different in functions(n):
-        print(f"| {name} | {count:,} | {different} | | |", flush=True)
+        print(f"| {name} | {count:,} | {different} | | | |", flush=True)
     for name, flight in FLIGHTS.items():
         start = time.perf_counter()
         different, _, _ = fly(library(), flight, VEHICLES, max(n // VEHICLES, 1), seed=1)
-        seconds, off = time.perf_counter() - start, numbers_off(library(), flight)
-        print(f"| flight: {name} | {n:,} | {different} | {off:.1g} | {seconds:.0f} |", flush=True)
+        seconds, off, once = time.perf_counter() - start, numbers_off(library(), flight), prepared(flight)
+        print(f"| flight: {name} | {n:,} | {different} | {off:.1g} | {once:.2g} | {seconds:.0f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@
 void board_say(const char *text);
 void board_exit(int code);
 unsigned board_ticks(void);
-/* Between two readings, fewer than 5 million. */
+/* Between two readings, fewer than 1,300 million. */
 unsigned board_instructions(unsigned before, unsigned after);
 
 #endif

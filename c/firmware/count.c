@@ -1,4 +1,5 @@
-/* Instructions of qs_filter over attacked flights, on the target: one line "spheres calls mean most violated" each. */
+/* Instructions of qs_filter over attacked flights, on the target: one line "spheres calls mean most violated" each.
+ * In float those of qs_prepare too, at 50 Hz: one line for errors, pushes, a lag in an interval, jitter. */
 #include "board.h"
 #include "quadsafe.h"
 
@@ -105,11 +106,37 @@ static int flight(int count)
     return violated > 0 ? 3 : 0;
 }
 
+static unsigned prepared(const qs_settings *settings)
+{
+    static qs_shield shield;
+    qs_init(&shield, settings);
+    const unsigned before = board_ticks();
+    const int code = qs_prepare(&shield, (qs_real)0.02);
+    const unsigned used = board_instructions(before, board_ticks());
+    return code == QS_DONE ? used : 0;
+}
+
+static void prepare(void)
+{
+    qs_settings told[4];
+    for (int i = 0; i < 4; ++i)
+        qs_defaults(&told[i]);
+    told[0].uncertainty.position = (qs_real)0.004;
+    told[1].uncertainty.impulse = (qs_real)0.3, told[1].uncertainty.impulse_gap = 1;
+    told[2].uncertainty.rotor_lag = (qs_real)0.036, told[2].uncertainty.rotor_lag_most = (qs_real)0.039;
+    told[3].uncertainty.jitter = (qs_real)0.1;
+    for (int i = 0; i < 4; ++i)
+        say_number(prepared(&told[i]));
+    board_say("\n");
+}
+
 int main(void)
 {
     const int counts[] = {1, 4, 10};
     int failed = 0;
     for (int i = 0; i < 3; ++i)
         failed = failed ? failed : flight(counts[i]);
+    if (sizeof(qs_real) == sizeof(float))
+        prepare();
     return failed;
 }
