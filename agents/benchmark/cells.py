@@ -41,7 +41,7 @@ class Budget:
     """Held-out scenes."""
 
 
-QUICK_BUDGET = Budget(timesteps=16_384, off_policy_timesteps=2_048, seeds=2, eval_episodes=10)
+QUICK_BUDGET = Budget(timesteps=16_384, off_policy_timesteps=2_048, seeds=1, eval_episodes=10)
 
 
 @dataclass(frozen=True)

@@ -24,15 +24,15 @@ def run(command: Benchmark) -> int:
         ValueError, TypeError, OSError: naming what does not fit, or cannot be written.
     """
     if command.csv is not None:
-        print(report(command.csv, command.log_folder))
+        print(report(command.csv, command.folder))
         return 0
-    campaign, path = campaign_of(command), command.log_folder / "benchmark.csv"
+    campaign, path = campaign_of(command), command.folder / "benchmark.csv"
     options = Options(n_jobs=command.n_jobs, engine=command.engine, address=command.address)
     outcome = campaign.fly(options, lambda sentence: print(sentence, flush=True))
     for failure in outcome.failures:
         print(f"{program()}: error: {failure}", file=sys.stderr)
     if write_rows(campaign, path):
-        print(report(path, command.log_folder))
+        print(report(path, command.folder))
     if outcome.is_stopped:
         print(f"Stopped early. To go on: {called()} benchmark with the same words.")
     return 130 if outcome.is_stopped else int(bool(outcome.failures))
@@ -51,7 +51,7 @@ def campaign_of(command: Benchmark) -> Campaign:
     budget = QUICK_BUDGET if command.quick else Budget()
     budget = replace(budget, **{name: value for name, value in given.items() if value is not None})
     wanted = cells(command.tasks, command.actions, command.conditions)
-    return Campaign(command.log_folder, wanted, methods, budget)
+    return Campaign(command.folder, wanted, methods, budget)
 
 
 def report(path: Path, folder: Path) -> str:

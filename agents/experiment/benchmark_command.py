@@ -28,13 +28,13 @@ class Benchmark:
     filters: tuple[str, ...] = ()
     """Filters of yours, module:Class: each learned behind, and put in front of what learned without."""
     quick: bool = False
-    """Two seeds, and trainings and flights so short that nothing is learned: whether all of it works."""
+    """One seed, and trainings and flights so short that nothing is learned: whether all of it works."""
     n_seeds: int | None = None
     """Seeds of each method, 10 unless given."""
     n_timesteps: int | None = None
     """Policy steps of each training but those of sac, 400,000 unless given."""
-    log_folder: Annotated[Path, tyro.conf.arg(aliases=["-f"])] = Path("logs/benchmark")
-    """Folder for the run folders, the CSV file, tables and pictures."""
+    log_folder: Annotated[Path | None, tyro.conf.arg(aliases=["-f"])] = None
+    """Folder for runs, CSV file, tables and pictures; logs/benchmark unless given, or logs/benchmark_quick."""
     csv: Path | None = None
     """Fly nothing: tables and pictures of this file."""
     n_jobs: int = 0
@@ -47,3 +47,8 @@ class Benchmark:
     def __post_init__(self):
         given = [name for name in ("n_seeds", "n_timesteps") if getattr(self, name) is not None]
         check_positive(self, *given)
+
+    @property
+    def folder(self) -> Path:
+        """Where everything goes."""
+        return self.log_folder or Path("logs") / ("benchmark_quick" if self.quick else "benchmark")

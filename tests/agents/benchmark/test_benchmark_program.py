@@ -18,9 +18,9 @@ def test_the_quick_table_is_flown_told_and_told_again_from_its_file(tmp_path, ca
     words = [*WORDS, *SOME, "-f", str(tmp_path), "--n-jobs", "1", "--n-timesteps", "64"]
     assert train.main(words) == 0
     said = capsys.readouterr().out
-    assert "avoid_velocity_none: 4 of 4 agents are missing" in said and "ppo+sampled" in said
+    assert "avoid_velocity_none: 2 of 2 agents are missing" in said and "ppo+sampled" in said
     table = (tmp_path / "benchmark.csv").read_text()
-    assert table.splitlines()[0] == ",".join(COLUMNS) and len(table.splitlines()) == 7
+    assert table.splitlines()[0] == ",".join(COLUMNS) and len(table.splitlines()) == 4
     assert (tmp_path / "benchmark_velocity.png").stat().st_size > 10_000
     told = (tmp_path / "benchmark.md").read_text()
     assert told in said
@@ -28,6 +28,13 @@ def test_the_quick_table_is_flown_told_and_told_again_from_its_file(tmp_path, ca
     again = tmp_path / "again"
     assert train.main(["benchmark", "--csv", str(tmp_path / "benchmark.csv"), "-f", str(again)]) == 0
     assert (again / "benchmark.md").read_text() == told and not (again / "benchmark.csv").exists()
+
+
+def test_what_is_quick_lies_in_a_folder_of_its_own():
+    folders = [
+        campaign_of(parse(words)).folder.as_posix() for words in (["benchmark"], ["benchmark", "--quick"])
+    ]
+    assert folders == ["logs/benchmark", "logs/benchmark_quick"]
 
 
 def test_all_of_it_is_sixteen_cells_and_ten_seeds_in_every_one():
