@@ -31,10 +31,8 @@ def test_the_quick_table_is_flown_told_and_told_again_from_its_file(tmp_path, ca
 
 
 def test_what_is_quick_lies_in_a_folder_of_its_own():
-    folders = [
-        campaign_of(parse(words)).folder.as_posix() for words in (["benchmark"], ["benchmark", "--quick"])
-    ]
-    assert folders == ["logs/benchmark", "logs/benchmark_quick"]
+    assert campaign_of(Benchmark()).folder.as_posix() == "logs/benchmark"
+    assert campaign_of(Benchmark(quick=True)).folder.as_posix() == "logs/benchmark_quick"
 
 
 def test_all_of_it_is_sixteen_cells_and_ten_seeds_in_every_one():
