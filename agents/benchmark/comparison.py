@@ -194,7 +194,7 @@ def _entry(rows: Sequence[Row], against: Against | None) -> Entry:
         reached=len(steps),
         intervention_share=float(np.mean(shares)) if shares else None,
         correction=float(np.mean(corrections)) if corrections else None,
-        calls=sum(_known(rows, "solver_calls")),
+        calls=sum(_known(rows, "filter_calls")),
         failures=sum(_known(rows, "solver_failures")),
         microseconds=float(np.median(times)) if times else None,
         successes=tuple(_successes(rows)),

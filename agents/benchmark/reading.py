@@ -53,14 +53,14 @@ COLUMNS = {
     "steps_to_95": MAYBE_COUNT,
     "intervention_share": SHARE._replace(can_be_empty=True),
     "correction": MAYBE,
-    "solver_calls": MAYBE_COUNT,
+    "filter_calls": MAYBE_COUNT,
     "solver_failures": MAYBE_COUNT,
     "microseconds_per_call": MAYBE,
 }
 TOTALS = {
     "training_violations": "training_episodes",
     "heldout_violations": "heldout_episodes",
-    "solver_failures": "solver_calls",
+    "solver_failures": "filter_calls",
 }
 
 

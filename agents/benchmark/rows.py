@@ -31,7 +31,7 @@ COLUMNS = (
     "steps_to_95",
     "intervention_share",
     "correction",
-    "solver_calls",
+    "filter_calls",
     "solver_failures",
     "microseconds_per_call",
 )
@@ -104,7 +104,7 @@ def _flown(run: Run, method: Method, seed: int) -> Row:
         "heldout_return": found["return"],
         "intervention_share": found["intervention_rate"] if is_filtered else None,
         "correction": found["correction"] if is_filtered else None,
-        "solver_calls": counts.get("solver_calls", 0),
+        "filter_calls": counts.get("calls", 0),
         "solver_failures": counts.get("solver_failures", 0),
     }
 

@@ -17,7 +17,7 @@ LEGEND = {
     "steps to 95 %": "policy steps of training, in thousands: the median of the seeds that got there, and "
     "how many did",
     "acts": "policy steps in which the filter changed a command, in %, and the mean size of a change in m/s⁴",
-    "failed calls": "of the solver",
+    "failed calls": "control periods in which the filter had no solution, or its solver failed",
     "µs a call": "of the filter, for one vehicle",
     "Δ success": f"of `{REFERENCE}` less that of the method, in points, paired by seed",
     "P(sampled better)": f"the probability that a seed of `{REFERENCE}` succeeds more often; \\* where the "

@@ -106,8 +106,10 @@ def probability_of_improvement(
         return Estimate(value, None, None)
     rng = np.random.default_rng(0)
     draws = np.mean([_drawn_again(task, rng) for task in wins], axis=0)
-    low, high = np.quantile(draws, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
-    return Estimate(value, float(low), float(high))
+    ends = np.quantile(draws, [0.5 - 0.5 * CONFIDENCE, 0.5 + 0.5 * CONFIDENCE])
+    # Shares of pairs end where decimals do: the last bits, which machines differ in, must not decide on them.
+    low, high = (round(float(end), 12) for end in ends)
+    return Estimate(value, low, high)
 
 
 def signed_rank(differences: ArrayLike) -> float:

@@ -26,7 +26,7 @@ EPISODES, STEPS_OF_A_FLIGHT = 100, 150
 KEY = ("task", "action", "conditions", "method", "seed")
 TRAINING = ("training_steps", "training_episodes", "training_violations")
 HELDOUT = ("heldout_episodes", "heldout_violations", "heldout_success", "heldout_return", "steps_to_95")
-FILTERED = ("intervention_share", "correction", "solver_calls", "solver_failures", "microseconds_per_call")
+FILTERED = ("intervention_share", "correction", "filter_calls", "solver_failures", "microseconds_per_call")
 COLUMNS = (*KEY, *TRAINING, *HELDOUT, *FILTERED)
 
 

@@ -51,7 +51,7 @@ def test_a_row_says_what_the_file_says(sections):
         *rates("sampled", 1.0, heldout_violations=0, training_violations=0, microseconds_per_call=3.14),
         *rates("ppo", 0.9, heldout_violations=7, training_violations=30, steps_to_95="", heldout_return=2.5),
         *rates(
-            "predictive", 0.97, heldout_violations=0, solver_calls=1000, solver_failures=2, steps_to_95=12_345
+            "predictive", 0.97, heldout_violations=0, filter_calls=1000, solver_failures=2, steps_to_95=12_345
         ),
     ]
     _, table = sections(rows)["Avoid, velocity, no disturbance"]

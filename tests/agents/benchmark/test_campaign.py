@@ -83,7 +83,7 @@ def test_a_filter_of_somebody_else_gets_its_rows_beside_those_that_are_there(flo
     assert said == ["avoid_velocity_none: 2 of 4 agents are missing"]
     found = {row["method"]: row for row in rows_of(more)}
     assert set(found) == {"ppo", "sampled", OWN, f"ppo+{OWN}"}
-    assert found[OWN]["solver_calls"] > 0 and found[f"ppo+{OWN}"]["microseconds_per_call"] > 0.0
+    assert found[OWN]["filter_calls"] > 0 and found[f"ppo+{OWN}"]["microseconds_per_call"] > 0.0
     assert found[f"ppo+{OWN}"]["training_violations"] == found["ppo"]["training_violations"]
 
 

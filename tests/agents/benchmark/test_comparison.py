@@ -25,7 +25,7 @@ def test_a_method_in_a_cell_by_hand(compared):
         row_of("hocbf", 1, heldout_episodes=150, heldout_violations=3, heldout_success=0.8, steps_to_95=""),
         row_of("hocbf", 2, heldout_episodes=100, heldout_violations=0, heldout_success=0.7, steps_to_95=3000),
     ]
-    told = {"training_violations": 2, "training_episodes": 100, "solver_calls": 1000, "solver_failures": 7}
+    told = {"training_violations": 2, "training_episodes": 100, "filter_calls": 1000, "solver_failures": 7}
     times = ({"microseconds_per_call": x, "heldout_return": x, "correction": x} for x in (1.0, 9.0, 2.0))
     entry = compared([row | told | time for row, time in zip(rows, times, strict=True)]).cells[PLACE]["hocbf"]
     assert (entry.seeds, entry.reached, entry.steps_to_95) == (3, 2, 2000.0)
@@ -132,7 +132,7 @@ def test_methods_come_without_a_filter_then_behind_one_then_with_one_in_front(co
             "heldout_violations in line 2 .* at most heldout_episodes, 100, got 101",
         ),
         ({"training_violations": "3001"}, "at most training_episodes, 3000, got 3001"),
-        ({"solver_failures": "1", "solver_calls": ""}, "at most solver_calls, None, got 1"),
+        ({"solver_failures": "1", "filter_calls": ""}, "at most filter_calls, None, got 1"),
     ],
 )
 def test_a_spoilt_value_is_named(compared, given, sentence):
