@@ -10,7 +10,6 @@ most successes of the first, then the least share of calls that failed, then the
 """
 
 import argparse
-import time
 from collections.abc import Mapping
 from functools import cache
 from itertools import product
@@ -21,6 +20,7 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
+from agents.measure.call_times import timed_calls
 from agents.measure.evaluate import fly, held_out_scenes
 from agents.methods.filter import Filter
 from agents.methods.wrapper import filtered
@@ -114,15 +114,7 @@ def tune(name: str) -> None:
 def microseconds(name: str) -> float:
     """Median time of a call of a filter for one vehicle on 20 flights of the first pilot, µs of the thread."""
     env: Any = filtered(gymnasium.make_vec(ENV, 1), FLOWN[name] or {})
-    inner, spent = env.shield.filter, []
-
-    def timed(*given):
-        began = time.thread_time_ns()
-        answer = inner(*given)
-        spent.append(time.thread_time_ns() - began)
-        return answer
-
-    env.shield.filter = timed
+    spent = timed_calls(env)
     for scene in held_out_scenes(20):
         fly(Pilot(env, False), env, [scene])
     return float(np.median(spent)) / 1000.0

@@ -1,6 +1,5 @@
 """Flies what is missing of the benchmark, cell by cell: killed at any minute, it goes on from checkpoints."""
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from agents.experiment.environments import checked, make_vector_env, of_arm
 from agents.experiment.files import read_json, write_json
 from agents.experiment.runs import Run, extended_run, open_run, write_records
 from agents.learn.algorithms import check_words
+from agents.measure.call_times import timed_calls
 from agents.measure.evaluate import agent_of, fly, held_out_scenes
 from agents.measure.provenance import provenance
 from agents.train.engines import StopRequest, engine_of, run_jobs
@@ -121,18 +121,11 @@ def microseconds_per_call(run: Run, arm: str, seed: int) -> float:
     """Mean time of the thread of a call for one vehicle, µs: the filter of an arm before the plain policy."""
     filtering = "shield" if arm == PLAIN else arm
     env: Any = make_vector_env(of_arm(run.experiment, arm_of(filtering)), 1, is_shielded=True)
-    inner, spent = env.shield.filter, []
-
-    def timed(*given: Any) -> Any:
-        began = time.thread_time_ns()
-        answer = inner(*given)
-        spent.append(time.thread_time_ns() - began)
-        return answer
-
-    agent = agent_of(run, PLAIN, seed, env)
+    agent, scenes = agent_of(run, PLAIN, seed, env), held_out_scenes(TIMED_SCENES)
     # The first time a flight loads what it runs through.
-    for filtering_call in (inner, timed):
-        env.shield.filter = filtering_call
-        for scene in held_out_scenes(TIMED_SCENES):
-            fly(agent, env, [scene])
+    for scene in scenes:
+        fly(agent, env, [scene])
+    spent = timed_calls(env)
+    for scene in scenes:
+        fly(agent, env, [scene])
     return float(np.mean(spent)) / 1000.0
