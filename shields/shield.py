@@ -27,6 +27,7 @@ from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import DONE
 from shields.interface.snapshots import Snapshots
 from shields.methods.cbf_shield import CbfMethod
+from shields.methods.memory import put_velocities
 from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
 from shields.methods.tube_shield import TubeMethod
@@ -135,7 +136,7 @@ class Shield(Snapshots):
         has_errors = self._settings["uncertainty"] is not None
         self._method: Method = (TubeMethod if has_errors else METHODS[method])(self._settings)
         self._size: tuple[int, int] | None = None
-        self._period, self._are_still = math.nan, False
+        self._period, self._moves = math.nan, None
         self._kernel: FilterKernel
         self._cores: NDArray[np.uint8] | None = None
 
@@ -173,7 +174,7 @@ class Shield(Snapshots):
         if period == self._period:
             try:
                 packed: Any = obstacles
-                if self._are_still and packed.velocity is None and packed.cores is self._cores:
+                if packed.cores is self._cores and self._goes_on(packed.velocity):
                     out = np.empty(self._numbers)
                     code = self._kernel(flat, packed.center, packed.radius, snap, *self._own, out)
                     if code == DONE:
@@ -183,6 +184,15 @@ class Shield(Snapshots):
                 pass
         return self._filter_checked(flat, as_obstacles(obstacles), snap, period)
 
+    def _goes_on(self, velocity: NDArray[np.float64] | None) -> bool:
+        """Whether the obstacles rest, or move, as in a call that ended well; their velocities are put down."""
+        if velocity is None or not self._moves:
+            return self._moves is (velocity is not None)
+        if velocity.dtype != np.float64 or velocity.shape != self._velocity_shape:
+            return False
+        put_velocities(self._method.memory, velocity)
+        return True
+
     def _filter_checked(self, flat, obstacles: Obstacles, snap, period) -> Filtered:
         given = flat, obstacles.center, obstacles.radius, snap
         flats, centers, radii, snaps = map(as_array, given)
@@ -191,10 +201,10 @@ class Shield(Snapshots):
         if size is None:
             raise shape_error(*given)
         # The quick way is for what a call has ended well with.
-        self._are_still = False
+        self._moves = None
         self._begin(size, is_single, control_period(period))
         self._cores, moving = as_cores(obstacles.cores, size), velocity_rows(obstacles.velocity, (*size, 3))
-        self._are_still = moving is None
+        self._moves = moving is not None
         self._method.move(0.0 if moving is None else moving)
         self._own = self._method.memory, (*self._kernels.kind, self._cores)
         out = np.empty(self._numbers)
@@ -216,6 +226,7 @@ class Shield(Snapshots):
         if period != self._period:
             self._kernels, self._period = self._method.at(period), period
         self._leading = () if is_single else size[:1]
+        self._velocity_shape = (*self._leading, size[1], 3)
         self._kernel = self._kernels.one if is_single else self._kernels.batch
         self._numbers = NUMBERS * size[0]
 

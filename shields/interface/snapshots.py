@@ -17,7 +17,7 @@ class Snapshots:
     _size: tuple[int, int] | None
     _leading: tuple[int, ...]
     _period: float = math.nan
-    _are_still: bool
+    _moves: bool | None
 
     def _begin(self, size: tuple[int, int], is_single: bool, period: float) -> None:
         raise NotImplementedError
@@ -47,7 +47,7 @@ class Snapshots:
         self.reset()
         if not snapshot:
             return
-        self._are_still, (n, k) = False, snapshot["size"].tolist()
+        self._moves, (n, k) = None, snapshot["size"].tolist()
         self._begin((n, k), bool(snapshot["is_single"]), float(snapshot["period"]))
         if np.size(snapshot["memory"]) > self._method.memory.size:  # with velocities
             self._method.move(np.zeros((n, k, 3)))

@@ -598,3 +598,57 @@ def test_velocities_are_those_of_the_call_and_of_no_later_one(given):
         shield.filter(*arguments, PERIOD).numbers.tobytes()
         == still.filter(*arguments, PERIOD).numbers.tobytes()
     )
+
+
+def velocities_of(n, kind):
+    """Velocities (N, 1, 3), m/s, as callers hold them."""
+    array = np.random.default_rng(3).normal(size=(n, 1, 3))
+    kinds = {
+        "array": array,
+        "read-only": np.broadcast_to(array[:1], array.shape),
+        "strided": np.repeat(array, 2, axis=2)[..., ::2],
+        "Fortran order": np.asfortranarray(array),
+        "float32": array.astype(np.float32),
+        "integers": np.full((n, 1, 3), 2),
+        "list": array.tolist(),
+    }
+    return kinds[kind]
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("given", [{}, {"uncertainty": {"position": 0.01, "delay": 2}}])
+@pytest.mark.parametrize(
+    "kind", ["array", "read-only", "strided", "Fortran order", "float32", "integers", "list"]
+)
+def test_velocities_are_read_in_every_call_as_in_the_first(given, kind):
+    flat, spheres, snap = rows(5)
+    velocity, shield = velocities_of(5, kind), Shield(**given)
+    shield.filter(flat, Obstacles(spheres.center, spheres.radius, np.ones((5, 1, 3))), snap, PERIOD)
+    for _ in range(3):
+        moving, first = Obstacles(spheres.center, spheres.radius, velocity), Shield(**given)
+        first.restore(shield.snapshot())
+        expected = first.filter(flat, moving, snap, PERIOD).numbers.tobytes()
+        assert shield.filter(flat, moving, snap, PERIOD).numbers.tobytes() == expected
+        assert shield.snapshot()["memory"].tobytes() == first.snapshot()["memory"].tobytes()
+        snap = snap + 1.0
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(
+    ("velocity", "error"),
+    [
+        (np.zeros((2, 1, 3), dtype=bool), TypeError),
+        (np.zeros((1, 1, 3)), ValueError),
+        (np.zeros((2, 2, 3)), ValueError),
+        (np.zeros(3), ValueError),
+        (np.full((2, 1, 3), np.inf), ValueError),
+        ("fast", ValueError),
+    ],
+)
+def test_wrong_velocities_are_named_in_later_calls_too(velocity, error):
+    flat, spheres, snap = rows(2)
+    moving, shield = Obstacles(spheres.center, spheres.radius, np.ones((2, 1, 3))), Shield()
+    for _ in range(2):
+        shield.filter(flat, moving, snap, PERIOD)
+        with pytest.raises(error, match="velocity must "):
+            shield.filter(flat, Obstacles(spheres.center, spheres.radius, velocity), snap, PERIOD)
