@@ -15,6 +15,8 @@ from c_shield import CShields, Library, build, differences, library, settings_in
 from house import ROOT
 from random_shapes import random_shape
 
+from quadsafe_core.kernels.jit import kernel
+from quadsafe_core.kernels.vec3 import subtract, vector, write3
 from quadsafe_core.maths.projection import project_batch
 from quadsafe_core.shapes import Obstacles
 from quadsafe_core.shapes.cores import cores_of
@@ -27,7 +29,10 @@ from shields import Shield
 from shields.chains.lower_bound import lower4_batch
 from shields.filters.sampled import sampled_input_batch
 
-ROWS = 20_000
+# Of each function; of the filter in whole flights of all kinds together.
+ROWS = 1_000_000
+VEHICLES = 250
+STEPS = ROWS // (VEHICLES * len(FLIGHTS))
 
 
 def chains(rng, n):
@@ -59,7 +64,7 @@ def test_least_held_input(period):
 
 @pytest.mark.parametrize("count", [1, 3, 8])
 def test_projection(count):
-    rng, n = np.random.default_rng(2), ROWS // 4
+    rng, n = np.random.default_rng(2), ROWS // 3
     normals, desired = rng.normal(size=(n, count, 3)), 100.0 * rng.normal(size=(n, 3))
     # Nearly parallel ones are not exchanged but taken one after the other.
     normals[: n // 4] = normals[: n // 4, :1] + 1e-3 * normals[: n // 4]
@@ -72,23 +77,31 @@ def test_projection(count):
     assert np.array_equal(found[:, 3], is_feasible) and np.array_equal(found[is_feasible, :3], out[is_feasible])
 
 
+@kernel
+def shape_batch(cores, numbers, center, points, out):
+    """Rows of distance, direction away, nearest point and support height by the kernels of Python."""
+    for i in range(points.shape[0]):
+        x = subtract(points[i], center)
+        distance, n = signed_distance(cores[0, 0], numbers, x)
+        out[i, 0], out[i, 7] = distance, support_height(cores[0, 0], numbers, vector(points[i]))
+        write3(out[i, 1:4], n)
+        write3(out[i, 4:7], nearest_point(cores[0, 0], numbers, x))
+
+
 def shape_rows(shape, points):
-    """Distance, direction away, nearest point and support height by the kernels of Python."""
+    """What ``shape_batch`` finds of one shape."""
     core, numbers = cores_of(core_bytes([[shape.body()]], 1), 1, 1)
-    rows = []
-    for x in points:
-        gap = tuple(x - shape.body().center)
-        d, n = signed_distance(core[0, 0], numbers, gap)
-        height = support_height(core[0, 0], numbers, tuple(x))
-        rows.append([d, *n, *nearest_point(core[0, 0], numbers, gap), height])
-    return np.array(rows)
+    found = np.zeros((len(points), 8))
+    shape_batch(core, numbers, shape.body().center, points, found)
+    return found
 
 
 @pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "box", "half_space"])
 def test_distances_and_supports(kind):
     rng = np.random.default_rng(3)
     for _ in range(4):
-        shape, points = random_shape(rng, kind), 2.0 * rng.normal(size=(100, 3))
+        # Five kinds.
+        shape, points = random_shape(rng, kind), 2.0 * rng.normal(size=(ROWS // 20, 3))
         points[0] = shape.body().center
         body, found = record_of(shape), np.zeros((len(points), 8))
         library().call("shape_rows", len(points), body, points, found)
@@ -117,7 +130,7 @@ def test_single_states(name):
 
 @pytest.mark.parametrize("name", FLIGHTS)
 def test_flights_under_attack(name):
-    different, certified, _ = fly(library(), FLIGHTS[name], 40, 250)
+    different, certified, _ = fly(library(), FLIGHTS[name], VEHICLES, STEPS)
     assert different == 0
     assert certified > 0.5
 
@@ -140,7 +153,7 @@ def test_a_stop_does_not_outlive_its_period():
 
 
 def test_the_stored_stop_is_flown_in_these_flights():
-    assert fly(library(), FLIGHTS["slow control"], 40, 250)[2] > 0.05
+    assert fly(library(), FLIGHTS["slow control"], 20, 120)[2] > 0.05
 
 
 # A relative error of 1e-13 in a gain moves a vehicle on its stop by less than that.
