@@ -91,7 +91,8 @@ static int look_at_thrust(const qs_state *x, qs_vec snap, qs_real d, const qs_li
 /* Whether a piece of an arc keeps clear; HIT if its end, a point of the arc itself, does not. */
 static int look_at_piece(const qs_state *x, qs_vec snap, qs_real start, qs_real d, int piece, const bodies *all,
                          const qs_limits *limits) {
-    qs_state y = flown(x, snap, piece * d);
+    qs_state y = *x;
+    fly_on(&y, snap, piece * d);
     int thrust = limits ? look_at_thrust(&y, snap, d, limits) : CLEAR;
     if (thrust != CLEAR) return thrust;
     points p;

@@ -130,7 +130,8 @@ static int accept_at_once(qs_shield *shield, qs_vec snap, const bodies *all) {
     qs_stop *stop = &shield->stop;
     /* The jerk of a period is largest at one of its ends. */
     if (!(norm(snap) <= rules->limits.snap_max && most_jerk(x) <= rules->limits.jerk_max)) return 0;
-    qs_state after = flown(x, snap, rules->period);
+    qs_state after = *x;
+    fly_on(&after, snap, rules->period);
     attempt t = {x, &after, snap, rules->period};
     scaled_stop s = scaled(&after, length_of(stop->choice, rules->period));
     if (!(keeps_limits(&t, &s, &rules->limits) && bodies_are_clear(&t, &s, all, Q(0.5) * rules->margin)))
@@ -144,7 +145,8 @@ static int accept(qs_shield *shield, qs_vec snap, const bodies *all, const qs_li
     const qs_state *x = &shield->last;
     qs_real period = shield->rules.period;
     if (!(norm(snap) <= limits->snap_max)) return 0;
-    qs_state after = flown(x, snap, period);
+    qs_state after = *x;
+    fly_on(&after, snap, period);
     attempt t = {x, &after, snap, period};
     qs_vec frame = NOTHING;
     int choice = length_clear_at_once(shield->stop.choice, &t, all, limits);

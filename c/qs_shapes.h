@@ -77,51 +77,55 @@ static int is_nearer(qs_vec p, qs_vec q, qs_vec x) {
     return dot(subtract(p, q), add(subtract(x, p), subtract(x, q))) > 0;
 }
 
-static face face_of(qs_vec q, qs_vec a, qs_vec b, qs_vec c, int count) {
-    face f = {q, a, b, c, count};
-    return f;
+static void take_face(face *f, qs_vec q, qs_vec a, qs_vec b, qs_vec c, int count) {
+    f->q = q, f->a = a, f->b = b, f->c = c, f->count = count;
 }
 
 /* The edge from w to a, if it has a point nearer to x than the best face has. */
-static face nearer_edge(face best, qs_vec w, qs_vec a, qs_vec x) {
+static void look_at_edge(face *best, qs_vec w, qs_vec a, qs_vec x) {
     qs_vec u = subtract(a, w);
     qs_real square = dot(u, u), t = dot(subtract(x, w), u);
-    if (!(t > 0)) return best;
+    if (!(t > 0)) return;
     qs_vec q = t >= square ? a : combined(w, t / square, u);
-    return is_nearer(q, best.q, x) ? face_of(q, w, a, a, 2) : best;
+    if (is_nearer(q, best->q, x)) take_face(best, q, w, a, a, 2);
 }
 
 /* The triangle of w, a and b, if its inside has one. */
-static face nearer_triangle(face best, qs_vec w, qs_vec a, qs_vec b, qs_vec x) {
+static void look_at_triangle(face *best, qs_vec w, qs_vec a, qs_vec b, qs_vec x) {
     qs_vec u = subtract(a, w), v = subtract(b, w), y = subtract(x, w), swap = u;
     if (dot(v, v) > dot(u, u)) u = v, v = swap;
     qs_real square = dot(u, u), part = dot(v, u) / square;
     qs_vec across = combined(v, -part, u);
     qs_real width = dot(across, across), s = dot(y, across) / width, t = dot(y, u) / square - s * part;
-    if (!(square > 0 && width > 0 && s > 0 && t > 0 && s + t < 1)) return best;
+    if (!(square > 0 && width > 0 && s > 0 && t > 0 && s + t < 1)) return;
     qs_vec q = add(w, add(scale(t, u), scale(s, v)));
-    return is_nearer(q, best.q, x) ? face_of(q, w, a, b, 3) : best;
+    if (is_nearer(q, best->q, x)) take_face(best, q, w, a, b, 3);
 }
 
-/* The face nearest to x of the simplex of w and a face, with w. */
-static face nearest_face(face f, qs_vec w, qs_vec x) {
-    face best = nearer_edge(face_of(w, w, w, w, 1), w, f.a, x);
-    if (f.count > 1) best = nearer_triangle(nearer_edge(best, w, f.b, x), w, f.a, f.b, x);
-    if (f.count > 2) {
-        best = nearer_edge(best, w, f.c, x);
-        best = nearer_triangle(nearer_triangle(best, w, f.a, f.c, x), w, f.b, f.c, x);
+/* In place of a face the one nearest to x of its simplex with w, with w. */
+static void take_nearest_face(face *f, qs_vec w, qs_vec x) {
+    face old = *f;
+    take_face(f, w, w, w, w, 1);
+    look_at_edge(f, w, old.a, x);
+    if (old.count > 1) {
+        look_at_edge(f, w, old.b, x);
+        look_at_triangle(f, w, old.a, old.b, x);
     }
-    return best;
+    if (old.count > 2) {
+        look_at_edge(f, w, old.c, x);
+        look_at_triangle(f, w, old.a, old.c, x);
+        look_at_triangle(f, w, old.b, old.c, x);
+    }
 }
 
 /* The point of a hull nearest to x, and x itself within. */
 static qs_vec nearest_of_hull(const qs_obstacle *core, qs_vec x) {
     qs_vec q = highest_vertex(core, x);
-    face f = face_of(q, q, q, q, 1);
+    face f = {q, q, q, q, 1};
     for (int turn = 0; turn < HULL_ROUNDS; ++turn) {
         qs_vec p = subtract(x, q), w = highest_vertex(core, p);
         if (dot(p, subtract(w, q)) <= EITHER(1e-15, 1e-6) * norm(p) * core->half[0]) break;
-        f = nearest_face(f, w, x);
+        take_nearest_face(&f, w, x);
         if (!is_nearer(f.q, q, x)) break;
         q = f.q;
     }

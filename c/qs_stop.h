@@ -66,23 +66,11 @@ static void fly_on(qs_state *x, qs_vec snap, qs_real t) {
     x->j = combined(x->j, t, snap);
 }
 
-static qs_state flown(const qs_state *x, qs_vec snap, qs_real t) {
-    qs_state y = *x;
-    fly_on(&y, snap, t);
-    return y;
-}
-
-/* The lead of a vehicle whose lagged snap is s. */
-static qs_state lead_of(const qs_state *x, qs_vec s, qs_real lag) {
-    qs_state y = {combined(x->r, lag, x->v),
-                  combined(x->v, lag, x->a),
-                  combined(x->a, lag, x->j),
-                  combined(x->j, lag, s),
-                  x->r,
-                  x->a,
-                  x->j,
-                  lag};
-    return y;
+/* In place of a vehicle whose lagged snap is s its lead. */
+static void take_lead(qs_state *x, qs_vec s, qs_real lag) {
+    x->own_r = x->r, x->own_a = x->a, x->own_j = x->j, x->lag = lag;
+    x->r = combined(x->r, lag, x->v), x->v = combined(x->v, lag, x->a);
+    x->a = combined(x->a, lag, x->j), x->j = combined(x->j, lag, s);
 }
 
 /* Where a vehicle is relative to a body, whose centre for the lead x is farther on by the lag. */
@@ -146,7 +134,8 @@ static void shift_stop(qs_stop *stop, qs_real period, qs_real count) {
     stop->periods_left = (float)((qs_real)stop->periods_left - count);
     while ((qs_real)stop->periods_left <= ALMOST) {
         qs_real left = (qs_real)stop->periods_left < -ALMOST ? (qs_real)stop->periods_left : 0;
-        qs_state x = flown(&stop->begin, held_snap(stop, period), length_now(stop, period));
+        qs_state x = stop->begin;
+        fly_on(&x, held_snap(stop, period), length_now(stop, period));
         stop->segments_left -= stop->segments_left > 0;
         begin_segment(stop, &x, period);
         stop->periods_left = (float)((qs_real)stop->periods_left + left);
@@ -166,7 +155,8 @@ static qs_vec mean_snap(const qs_stop *stop, qs_real period) {
     qs_vec held = held_snap(stop, period), after = NOTHING;
     qs_real share = (qs_real)stop->periods_left, h = length_now(stop, period);
     if (share >= 1 - ALMOST) return held;
-    qs_state end = flown(&stop->begin, held, h);
+    qs_state end = stop->begin;
+    fly_on(&end, held, h);
     if (stop->segments_left > 1) after = dead_beat_snap(&end, stop->frame, h);
     return combined(scale(1 - share, after), share, held);
 }

@@ -177,9 +177,11 @@ int qs_prepare(qs_shield *shield, qs_real period) {
 /* The state that the shield works on: when all that is on its way has been flown, and with a lag the lead. */
 static void see(qs_shield *shield, const qs_real flat[4][3]) {
     const qs_uncertainty *told = &shield->settings.uncertainty;
-    qs_state x = {from3(flat[0]), from3(flat[1]), from3(flat[2]), from3(flat[3]), NOTHING, NOTHING, NOTHING, 0};
-    shield->last = shield->lag > 0 ? lead_of(&x, shield->lagged, shield->lag) : x;
-    shield->front = shield->last;
+    qs_state *x = &shield->last;
+    memset(x, 0, sizeof *x);
+    x->r = from3(flat[0]), x->v = from3(flat[1]), x->a = from3(flat[2]), x->j = from3(flat[3]);
+    if (shield->lag > 0) take_lead(x, shield->lagged, shield->lag);
+    shield->front = *x;
     for (int i = 0; i < told->delay; ++i)
         fly_on(&shield->last, shield->pending[i], shield->rules.period);
 }
