@@ -6,7 +6,7 @@
 1,024 rows under random actions, the thread's own time, the first quartile of 40 steps; 25, 100 and 500 Hz of
 policy, control and physics, in Forest 50, 50 and 500 Hz. Then single calls among ten spheres: 64 vehicles fly
 100 steps under random actions, which change every tenth, and five shields filter each flight again, one vehicle
-at a time; of a call counts the quickest of the five.
+at a time; of a call counts the quickest of the five. Last, one vehicle alone in the env of each task.
 """
 
 import time
@@ -23,6 +23,7 @@ from shields import Shield, VectorShieldWrapper
 
 ROWS, STEPS, WARM = 1024, 40, 10
 VEHICLES, FLIGHT_STEPS, HELD = 64, 100, 10
+TASKS, TASK_STEPS = ("Avoid", "Forest", "Rooms", "Moving"), 2000
 FAST = {"policy_hz": 25, "control_hz": 100, "physics_hz": 500}
 PLAIN = {"policy_hz": 50, "control_hz": 50, "physics_hz": 500}
 
@@ -111,6 +112,19 @@ def single_calls(action: str) -> NDArray[np.float64]:
     return np.sort(times)
 
 
+def task_calls(task: str) -> NDArray[np.float64]:
+    """µs of each call in the env of one vehicle, whose random velocity commands change every tenth step."""
+    env = VectorShieldWrapper(gymnasium.make_vec(f"QuadSafe/{task}-v0", 1, **PLAIN))
+    rng = np.random.default_rng(0)
+    env.reset(seed=0)
+    with TimedShield() as calls:
+        for step in range(WARM + TASK_STEPS):
+            if step % HELD == 0:
+                actions = rng.uniform(-1, 1, (1, 4)).astype(np.float32)
+            env.step(actions)
+    return 1e6 * np.array(calls.times[WARM:])
+
+
 def timed_call(shield: Shield, *arguments: Any) -> float:
     """s of one call."""
     begun = time.perf_counter()
@@ -133,6 +147,9 @@ def main() -> None:
     for action in ("velocity", "snap"):
         median, *rest = np.quantile(single_calls(action), [0.5, 0.99, 0.999, 1.0])
         print(f"{action:28}{median:8.1f}{rest[0]:10.1f}{rest[1]:8.1f}{rest[2]:8.1f}")
+    for task in TASKS:
+        median, *rest = np.quantile(task_calls(task), [0.5, 0.99, 0.999, 1.0])
+        print(f"{f'{task}, one vehicle':28}{median:8.1f}{rest[0]:10.1f}{rest[1]:8.1f}{rest[2]:8.1f}")
 
 
 if __name__ == "__main__":
