@@ -53,7 +53,7 @@ from quadsafe_env.simulation.rows import rows_in
 from quadsafe_env.tasks.obstacles import squared_distance
 from quadsafe_env.tasks.reward import held_time
 from quadsafe_env.vehicle.params import QuadrotorParams
-from quadsafe_env.vehicle.state import THRUST, lane_state, store_lane
+from quadsafe_env.vehicle.state import LARGEST, THRUST, lane_state, store_lane
 
 
 class DisturbedPlant(NamedTuple):
@@ -112,10 +112,10 @@ def pushed(s, air, d):
 
 @inline_kernel
 def is_state_sound(s, thrust_min):
-    """Finite, and the thrust above the floor of the flat map."""
+    """Not grown beyond a flight, and the thrust above the floor of the flat map."""
     total = s[0] + s[1] + s[2] + s[3] + s[4] + s[5] + s[6] + s[7] + s[8] + s[9]
     total += s[10] + s[11] + s[12] + s[13] + s[14] + s[15] + s[16] + s[17] + s[18] + s[19]
-    return abs(total) < math.inf and s[THRUST] > thrust_min
+    return abs(total) < LARGEST and s[THRUST] > thrust_min
 
 
 @inline_kernel

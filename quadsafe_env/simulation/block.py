@@ -26,7 +26,7 @@ from quadsafe_env.tasks.obstacles import NO_OBSTACLE, comes_after, squared_dista
 from quadsafe_env.tasks.reward import OWN_ENTRIES, SPHERE_ENTRIES, held_time, own_entries, sphere_entries
 from quadsafe_env.vehicle.inner_loop import held_wrench
 from quadsafe_env.vehicle.rotors import limited_step
-from quadsafe_env.vehicle.state import STATE_SIZE, THRUST, lane_state, store_lane
+from quadsafe_env.vehicle.state import LARGEST, STATE_SIZE, THRUST, lane_state, store_lane
 
 # Numbers of the last policy step, then of the episode.
 REWARD, CLEARANCE, EFFORT, TIME_AT_GOAL, DISTANCE = range(5)
@@ -111,11 +111,11 @@ def approach(block, count, spheres):
 
 @inline_kernel
 def is_sound(block, i, thrust_min):
-    """Finite, and the thrust always above the floor of the flat map."""
+    """Not grown beyond a flight, and the thrust always above the floor of the flat map."""
     s = lane_state(block, i)
     total = s[0] + s[1] + s[2] + s[3] + s[4] + s[5] + s[6] + s[7] + s[8] + s[9]
     total += s[10] + s[11] + s[12] + s[13] + s[14] + s[15] + s[16] + s[17] + s[18] + s[19]
-    return (abs(total) < math.inf) & (block[i + U(LANES * LEAST_THRUST)] > thrust_min)
+    return (abs(total) < LARGEST) & (block[i + U(LANES * LEAST_THRUST)] > thrust_min)
 
 
 @inline_kernel

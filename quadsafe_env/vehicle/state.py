@@ -48,6 +48,8 @@ THRUST = 18
 THRUST_RATE = 19
 STATE_SIZE = 20
 WRENCH_SIZE = 4
+# The numbers of a flight add up to less, in SI: beyond, a step was too long for what was asked.
+LARGEST = 1e9
 
 
 @inline_kernel

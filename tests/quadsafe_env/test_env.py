@@ -496,6 +496,21 @@ def test_filter_that_answers_nan_crashes_its_row_and_nothing_else():
 
 
 @pytest.mark.interpreted
+@pytest.mark.parametrize("conditions", ["off", "indoor"])
+@pytest.mark.parametrize("asked", [(3e5, 2e5, -1e6), (1e7, 0.0, 0.0), (1e8, 0.0, 0.0), (1e9, 0.0, 0.0)])
+def test_filter_that_asks_for_what_no_step_can_follow_crashes_its_row_where_it_was(asked, conditions):
+    """In one step of 2 ms positions grew to 1e59 m, all of it finite, and were paid for."""
+    env, paid, crashed = plant(conditions=conditions), [], False
+    env.snap_filter = Spy(answer=asked)
+    while not crashed and len(paid) < 20:
+        _, reward, _, _, info = env.step(np.zeros(4))
+        paid.append(reward)
+        crashed = info["crash"]
+    assert crashed and min(paid) > -100.0
+    assert np.abs(env.state[:3]).max() < 100.0
+
+
+@pytest.mark.interpreted
 def test_plant_side_of_the_bridge():
     env = plant("QuadSafe/Forest-v0", params="racer", control_hz=50)
     assert env.params == PRESETS["racer"]
