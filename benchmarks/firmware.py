@@ -46,7 +46,7 @@ class Target(NamedTuple):
 
 # What a program for spheres calls; the shapes come with the filter.
 ROOTS = ("qs_defaults", "qs_init", "qs_prepare", "qs_sphere", "qs_filter", "qs_backup")
-PREPARED = ("errors", "pushes", "a lag in an interval", "jitter")
+PREPARED = ("errors", "pushes", "a lag in an interval", "jitter", "both of these")
 REALS = {"float": ["-DQS_FLOAT"], "double": []}
 M4, M7 = "-mcpu=cortex-m4 -mfpu=fpv4-sp-d16", "-mcpu=cortex-m7 -mfpu=fpv5-d16"
 TARGETS = (

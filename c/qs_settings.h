@@ -33,8 +33,7 @@ static int checked_settings(const qs_settings *s) {
                   is_bound(u->wind) && is_bound(u->rotor_lag) && is_bound(u->impulse) &&
                   is_bound(u->impulse_gap) && (u->impulse > 0) == (u->impulse_gap > 0) &&
                   is_bound(u->jitter) && u->jitter < 1 && is_bound(u->rotor_lag_most) &&
-                  (u->rotor_lag_most == 0 ||
-                   (0 < told_lag(u) && u->rotor_lag <= u->rotor_lag_most && u->jitter == 0));
+                  (u->rotor_lag_most == 0 || (0 < told_lag(u) && u->rotor_lag <= u->rotor_lag_most));
     return is_told && u->delay >= 0 && u->delay <= QS_MAX_DELAY ? QS_DONE : QS_BAD_UNCERTAINTY;
 }
 

@@ -13,7 +13,7 @@
 
 #define MORE (1 + EITHER(1e-7, 1e-5)) /* than the sums: what is left where they end */
 #define DECAYED EITHER(1e-9, 1e-5)
-enum { POLES = 29, CHUNK = 256, MOST_CHUNKS = 4096, BLOCK = 32, GRID = 4, PARTS = 64, JUMPS = 4 };
+enum { POLES = 29, CHUNK = 256, MOST_CHUNKS = 4096, BLOCK = 32, GRID = 4, PARTS = 64, JUMPS = 4, LEVELS = 16 };
 
 /* Gains of y^(n) = -k.(y, ..., y^(n-1)), n of 3 or 4, with every pole of the sampled loop at exp(-p t): k is
  * c ((A - 1) + (1 - exp(-p t)))^n / t^n, c the flat output of the held chain (Ackermann's formula). */
@@ -124,19 +124,20 @@ static void logarithm(qs_real F[4][4], qs_real pole, qs_real t, qs_real out[4][4
     }
 }
 
-/* Solve x = c + C x, C >= 0, into c; 0 unless the spectral radius of C is below 1: pivots are positive then. */
-static int is_settled(qs_real C[4][4], qs_real c[4]) {
-    qs_real left[4][4];
-    scaled_and_shifted(C, -1, 1, left);
-    for (int k = 0; k < 4; ++k) {
-        if (!(left[k][k] > 0)) return 0;
-        for (int i = 0; i < 4; ++i) {
-            qs_real share = i == k ? 0 : left[i][k] / left[k][k];
-            for (int j = 0; j < 4; ++j) left[i][j] -= share * left[k][j];
+/* Solve x = c + C x, C >= 0, into c, and spoil C; 0 unless its spectral radius is below 1: pivots are positive
+ * then. */
+static int is_settled(qs_real C[5][5], qs_real c[5]) {
+    for (int i = 0; i < 5; ++i)
+        for (int j = 0; j < 5; ++j) C[i][j] = (i == j) - C[i][j];
+    for (int k = 0; k < 5; ++k) {
+        if (!(C[k][k] > 0)) return 0;
+        for (int i = 0; i < 5; ++i) {
+            qs_real share = i == k ? 0 : C[i][k] / C[k][k];
+            for (int j = 0; j < 5; ++j) C[i][j] -= share * C[k][j];
             c[i] -= share * c[k];
         }
     }
-    for (int i = 0; i < 4; ++i) c[i] /= left[i][i];
+    for (int i = 0; i < 5; ++i) c[i] /= C[i][i];
     return 1;
 }
 
@@ -203,15 +204,24 @@ static void wrong_in(const qs_uncertainty *told, qs_real t, qs_real snap_max, wr
 
 /* ---- sums ---- */
 
+/* The largest sizes of a row from a time on, in periods: no time before has less. */
+typedef struct {
+    int until;
+    qs_real each[4];
+} level;
+
 /* A loop with its feedback, over a step; what is not it under jitter. */
 typedef struct {
     qs_real gains[4], of_noise;
-    qs_real F[4][4];
-    int steps, segment, last; /* until a deviation has decayed; periods between jumps of a stop, the last of them */
+    qs_real F[4][4], period[4][4]; /* and over a period, under jitter the shortest */
+    int steps, periods; /* until a deviation has decayed */
+    int segment, last;  /* periods between jumps of a stop, the last of them */
     qs_real A[4][4], b[4];
     qs_real between[4][4], off[4][4]; /* between two steps; from the loop over a period, whatever its length */
     qs_real b_short[4], every[4], begun[4]; /* what every period adds, and what the first begins with */
-    qs_real own[4];                         /* what the deviation and the feedback add by themselves */
+    qs_real own[5];                         /* what the deviation and the feedback add by themselves */
+    level levels[LEVELS];                   /* of one row, on the way back */
+    int count, below;                       /* the last of them; which sizes were less there than later */
 } loop;
 
 /* Steps of t until nothing is left of a deviation; 0 if that takes too long. */
@@ -264,6 +274,7 @@ static void take_short_steps(qs_real pole, const wrongs *m, loop *l) {
 }
 
 static int loop_at(qs_real pole, const wrongs *m, loop *l) {
+    int in_period = m->has_jitter ? GRID : 1;
     memset(l, 0, sizeof *l);
     held_gains(4, pole, m->period, l->gains);
     chain_over(m->period, l->A, l->b);
@@ -271,9 +282,11 @@ static int loop_at(qs_real pole, const wrongs *m, loop *l) {
     for (int i = 0; i < 4; ++i)
         for (int j = 0; j < 4; ++j) l->F[i][j] = l->A[i][j] - l->b[i] * l->gains[j];
     if (m->has_jitter) take_short_steps(pole, m, l);
-    l->steps = steps_of(l->F, m->has_jitter ? m->shortest / GRID : m->period);
+    l->steps = steps_of(l->F, m->shortest / in_period);
+    power_of(l->F, in_period, l->period);
+    l->periods = l->steps / in_period;
     l->segment = whole_part(most_of(1, Q(0.1) / m->longest * (1 + EITHER(1e-9, 1e-6))));
-    l->last = (l->steps / (m->has_jitter ? GRID : 1) - 1) / l->segment;
+    l->last = (l->periods - 1) / l->segment;
     if (l->last > JUMPS - 1) l->last = JUMPS - 1;
     return l->steps > 0;
 }
@@ -286,17 +299,35 @@ static void look_back(const qs_real w[4], loop *l, int begin, qs_real seen[BLOCK
     for (int i = 1; i < BLOCK; ++i) row_times(seen[i - 1], l->F, seen[i]);
 }
 
-/* How a row sees a unit of snap in one period so much later: that, and its sums with all before it, with those
- * faded by as many powers of one share, and with these times their number. */
+/* Where, on the way back, a size of a row begins to be less than it is later, that is noted: elsewhere a row is
+ * its own largest from there on. Where there is no room left the latest is lost, and the one before goes on. */
+static void note_level(loop *l, int ago, int below, const qs_real each[4]) {
+    if (below & ~l->below) {
+        level *noted = &l->levels[++l->count % LEVELS];
+        noted->until = ago;
+        memcpy(noted->each, each, sizeof noted->each);
+        l->levels[(l->count + 1) % LEVELS].until = l->periods;
+    }
+    l->below = below;
+}
+
+/* How a row sees a unit of snap in one period so much later, and the level there: that, and its sums with all
+ * before it, with those faded by as many powers of one share, and with these times their number. */
 typedef struct {
+    int ago, level;
     qs_real g[4], seen, sum, faded, ramp;
 } trail;
 
-static void go_on(trail *x, loop *l, const qs_real held[4], qs_real left) {
-    qs_real next[4];
-    x->seen = sizes(x->g, held);
+static void go_on(trail *x, loop *l, const wrongs *m, qs_real left) {
+    qs_real size[4] = {ABS(x->g[0]), ABS(x->g[1]), ABS(x->g[2]), ABS(x->g[3])}, next[4];
+    if (m->has_jitter) {
+        row_times(size, l->between, next);
+        if (l->levels[x->level % LEVELS].until < x->ago) --x->level;
+        for (int i = 0; i < 4; ++i) size[i] = most_of(size[i] + next[i], l->levels[x->level % LEVELS].each[i]);
+    }
+    ++x->ago, x->seen = dot4(size, m->held);
     x->sum += x->seen, x->faded = left * x->faded + x->seen, x->ramp = left * x->ramp + x->faded;
-    row_times(x->g, l->F, next);
+    row_times(x->g, l->period, next);
     memcpy(x->g, next, sizeof next);
 }
 
@@ -304,21 +335,21 @@ static void go_on(trail *x, loop *l, const qs_real held[4], qs_real left) {
  * the lag, and of the stop's jumps. A jump makes the least of (t/lag) exp(-t/slowest) and its peak: that is the
  * first less what it has above the peak, from one period to another. all: of a unit in every period. */
 static qs_real most_behind_lag(const qs_real w[4], loop *l, const wrongs *m, qs_real *all) {
-    qs_real t = m->period, left = OF_REAL(exp)(-t / m->slowest), fading = OF_REAL(exp)(-t / m->lag);
-    qs_real peak = m->slowest / (t * Q(2.718281828459045)), power = 1, powers[2] = {0, 0};
+    qs_real left = OF_REAL(exp)(-m->shortest / m->slowest), fading = OF_REAL(exp)(-m->shortest / m->lag);
+    qs_real peak = m->slowest / (m->longest * Q(2.718281828459045)), power = 1, powers[2] = {0, 0};
     qs_real begun = 0, most = 0, jumped[JUMPS] = {0};
-    int from[2] = {l->steps, l->steps};
-    trail now = {{w[0], w[1], w[2], w[3]}, 0, 0, 0, 0}, late[2] = {now, now};
-    for (int n = 0; n < l->steps; ++n, power *= left) {
-        int is_above = (n + 1) * power > peak, edge = from[0] < l->steps;
-        if (is_above != edge && from[edge] == l->steps) from[edge] = n, powers[edge] = power;
+    int from[2] = {l->periods, l->periods};
+    trail now = {0, l->count, {w[0], w[1], w[2], w[3]}, 0, 0, 0, 0}, late[2] = {now, now};
+    for (int n = 0; n < l->periods; ++n, power *= left) {
+        int is_above = (n + 1) * power > peak, edge = from[0] < l->periods;
+        if (is_above != edge && from[edge] == l->periods) from[edge] = n, powers[edge] = power;
     }
-    for (int n = 0; n < l->steps; ++n) {
-        go_on(&now, l, m->held, left);
+    for (int n = 0; n < l->periods; ++n) {
+        go_on(&now, l, m, left);
         qs_real value = now.ramp;
         for (int i = 0; i < 2; ++i) {
             if (n < from[i]) continue;
-            go_on(&late[i], l, m->held, left);
+            go_on(&late[i], l, m, left);
             qs_real over = powers[i] * (late[i].ramp + from[i] * late[i].faded) - peak * late[i].sum;
             value += i ? over : -over;
         }
@@ -328,11 +359,11 @@ static qs_real most_behind_lag(const qs_real w[4], loop *l, const wrongs *m, qs_
     qs_real sum = jumped[l->last]; /* two jumps come a period apart */
     for (int i = 0; i <= l->last; ++i) sum += jumped[i];
     *all = now.sum;
-    return most + t / m->lag * sum;
+    return most + m->longest / m->lag * sum;
 }
 
 /* What a row of weights comes to where every period is as long as it should be. */
-static qs_real most_over_periods(const qs_real w[4], loop *l, const wrongs *m, qs_real all[4]) {
+static qs_real most_over_periods(const qs_real w[4], loop *l, const wrongs *m, qs_real all[5]) {
     qs_real seen[BLOCK][4], next[4], most = -INF, push = 0, pushed = 0;
     for (int begin = l->steps - BLOCK; begin >= 0; begin -= BLOCK) {
         look_back(w, l, begin, seen);
@@ -344,13 +375,15 @@ static qs_real most_over_periods(const qs_real w[4], loop *l, const wrongs *m, q
             if ((begin + i) % m->apart == 0) pushed += push;
         }
     }
-    if (m->spread > 0) most += m->drift * most_behind_lag(w, l, m, all);
+    if (m->spread > 0) most += m->drift * most_behind_lag(w, l, m, &all[4]);
     return most + pushed;
 }
 
-/* The same of periods of any length; all: what a unit of deviation in every period comes to. */
-static qs_real most_under_jitter(const qs_real w[4], loop *l, const wrongs *m, qs_real all[4]) {
+/* The same of periods of any length; all: what a unit of deviation, and behind a lag of snap, in every period
+ * comes to. */
+static qs_real most_under_jitter(const qs_real w[4], loop *l, const wrongs *m, qs_real all[5]) {
     qs_real seen[BLOCK][4], more[4], each[4] = {0}, back = 0, push = 0, most = 0;
+    l->levels[0] = (level){l->periods, {0}}, l->count = l->below = 0;
     for (int begin = l->steps - BLOCK; begin >= 0; begin -= BLOCK) {
         look_back(w, l, begin, seen);
         for (int i = BLOCK - 1; i >= 0; --i) {
@@ -360,14 +393,16 @@ static qs_real most_under_jitter(const qs_real w[4], loop *l, const wrongs *m, q
             back = most_of(back, ABS(dot4(g, l->b_short)) + dot4(more, l->b_short));
             for (int n = 0; n < 2; ++n) push = most_of(push, ABS(dot4(g, m->push[n])) + dot4(more, m->push[n]));
             if (i % GRID) continue;
-            int ago = (begin + i) / GRID, jump = ago / l->segment;
-            for (int n = 0; n < 4; ++n) all[n] += each[n];
+            int ago = (begin + i) / GRID, jump = ago / l->segment, below = 0;
+            for (int n = 0; n < 4; ++n) all[n] += each[n], below |= (size[n] + more[n] < each[n]) << n;
+            note_level(l, ago, below, each);
             most += l->of_noise * back;
             if (ago % m->apart == 0) most += push;
             if (ago % l->segment == 0 && jump <= l->last)
                 most += (jump == l->last ? 1 + m->jumps : 1) * dot4(each, m->kick);
         }
     }
+    if (m->spread > 0) most += m->drift * most_behind_lag(w, l, m, &all[4]);
     return most + dot4(all, l->every) + dot4(each, l->begun);
 }
 
@@ -379,28 +414,25 @@ typedef struct {
 } tube_of_errors;
 
 /* What a row comes to, with its weight of the snap, after the period without feedback. */
-static qs_real most_later(const qs_real w[4], qs_real of_snap, loop *l, const wrongs *m, qs_real all[4]) {
-    memset(all, 0, 4 * sizeof *all);
+static qs_real most_later(const qs_real w[4], qs_real of_snap, loop *l, const wrongs *m, qs_real all[5]) {
+    memset(all, 0, 5 * sizeof *all);
     qs_real most = m->has_jitter ? most_under_jitter(w, l, m, all) : most_over_periods(w, l, m, all);
-    return ABS(of_snap) * l->of_noise + most + dot4(all, l->own);
+    return ABS(of_snap) * l->of_noise + most + (dot4(all, l->own) + all[4] * l->own[4]);
 }
 
 /* What the bounds themselves add to all of them: under jitter the deviation, behind a lag that is not known the
  * feedback, which moves the snap for ever; 0 if they grow without end. */
 static int is_closed(loop *l, const wrongs *m) {
-    qs_real most[4] = {0}, all[4], C[4][4] = {{0}}, w[4];
-    for (int i = 0; m->has_jitter && i < 4; ++i) {
-        for (int j = 0; j < 4; ++j) w[j] = i == j;
-        most[i] = most_later(w, 0, l, m, all);
+    qs_real most[5] = {0}, all[5], C[5][5] = {{0}}, w[4];
+    for (int i = m->has_jitter ? 0 : 4; i < (m->spread > 0 ? 5 : 4); ++i) {
+        for (int j = 0; j < 4; ++j) w[j] = i < 4 ? i == j : -l->gains[j];
+        most[i] = most_later(w, i == 4, l, m, all);
         row_times(all, l->off, C[i]);
-    }
-    if (m->spread > 0) {
-        for (int j = 0; j < 4; ++j) w[j] = -l->gains[j];
-        most[0] = most_later(w, 1, l, m, all);
-        C[0][0] = all[0] * (l->off[0][0] = 2 * m->spread);
+        C[i][4] = 2 * m->spread * all[4];
     }
     if (!is_settled(C, most)) return 0;
     for (int i = 0; i < 4; ++i) l->own[i] = dot4(l->off[i], most);
+    l->own[4] = 2 * m->spread * most[4];
     return 1;
 }
 
@@ -417,7 +449,7 @@ static qs_real control_point(int order, int i, qs_real t, qs_real w[4]) {
 
 /* The tube with every pole of the feedback there; 0 if it does not settle. */
 static int tube_at(qs_real pole, const wrongs *m, tube_of_errors *tube) {
-    qs_real w[4], all[4];
+    qs_real w[4], all[5];
     loop l;
     if (!loop_at(pole, m, &l) || !is_closed(&l, m)) return 0;
     for (int order = 0; order < 4; ++order) {

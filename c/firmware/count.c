@@ -1,5 +1,6 @@
 /* Instructions of qs_filter over attacked flights, on the target: one line "spheres calls mean most violated" each.
- * In float those of qs_prepare too, at 50 Hz: one line for errors, pushes, a lag in an interval, jitter. */
+ * In float those of qs_prepare too, at 50 Hz: one line for errors, pushes, a lag in an interval, jitter,
+ * both of these. */
 #include "board.h"
 #include "quadsafe.h"
 
@@ -118,14 +119,15 @@ static unsigned prepared(const qs_settings *settings)
 
 static void prepare(void)
 {
-    qs_settings told[4];
-    for (int i = 0; i < 4; ++i)
+    qs_settings told[5];
+    for (int i = 0; i < 5; ++i)
         qs_defaults(&told[i]);
     told[0].uncertainty.position = (qs_real)0.004;
     told[1].uncertainty.impulse = (qs_real)0.3, told[1].uncertainty.impulse_gap = 1;
     told[2].uncertainty.rotor_lag = (qs_real)0.036, told[2].uncertainty.rotor_lag_most = (qs_real)0.039;
-    told[3].uncertainty.jitter = (qs_real)0.1;
-    for (int i = 0; i < 4; ++i)
+    told[3].uncertainty.jitter = told[4].uncertainty.jitter = (qs_real)0.1;
+    told[4].uncertainty.rotor_lag = (qs_real)0.036, told[4].uncertainty.rotor_lag_most = (qs_real)0.038;
+    for (int i = 0; i < 5; ++i)
         say_number(prepared(&told[i]));
     board_say("\n");
 }

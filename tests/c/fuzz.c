@@ -120,7 +120,10 @@ static void any_settings(qs_settings *s, int round)
         s->uncertainty.impulse = number(1), s->uncertainty.impulse_gap = number(1);
     else if (round % 64 == 6)
         s->uncertainty.rotor_lag = unit() / 20, s->uncertainty.rotor_lag_most = below(2) ? unit() / 20 : number(1);
-    else if (round % 64 == 7) { /* short periods take long */
+    else if (round % 64 == 8)
+        s->uncertainty.rotor_lag = unit() / 20,
+        s->uncertainty.rotor_lag_most = (1 + unit() / 16) * s->uncertainty.rotor_lag;
+    if (round % 64 == 7 || round % 64 == 8) { /* short periods take long */
         s->uncertainty.jitter = below(2) ? unit() / 8 : number(1);
         if (s->uncertainty.jitter > (qs_real)0.2 && s->uncertainty.jitter < 1)
             s->uncertainty.jitter = 1;

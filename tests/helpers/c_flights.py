@@ -50,8 +50,11 @@ FLIGHTS = {
     "a lag in an interval": Flight(
         {"uncertainty": {"rotor_lag": (0.036, 0.039)}}, period=0.02, has_shapes=True
     ),
+    "a lag in an interval, uneven periods": Flight(
+        {"uncertainty": {"rotor_lag": (0.036, 0.038), "jitter": 0.02}}, period=0.02, has_shapes=True
+    ),
     "all": Flight(
-        {"uncertainty": {**ERRORS, **SELDOM, "delay": 1, "losses": True, "rotor_lag": 0.03}},
+        {"uncertainty": {**ERRORS, **SELDOM, "delay": 1, "losses": True, "rotor_lag": (0.03, 0.0305)}},
         period=0.01,
         has_shapes=True,
         moves=True,
@@ -152,7 +155,7 @@ def numbers_off(library, flight):
     shield.filter(np.zeros((n, 4, 3)), obstacles, np.zeros((n, 3)), flight.period)
     mine, theirs = CShields(library, shield, n), gains_of(shield)
     assert not mine.prepare(flight.period).any()
-    found = np.zeros(len(theirs))
+    found = np.zeros(len(theirs), dtype=library.real)
     library.call("gains_of", mine.memory, found)
     is_other = found != theirs
     return np.abs(found[is_other] / theirs[is_other] - 1.0).max(initial=0.0)
