@@ -17,6 +17,7 @@ from shields.interface.arguments import (
     as_obstacles,
     checked_mask,
     control_period,
+    goes_on,
     measurement_error,
     positive_rows,
     shape_error,
@@ -27,7 +28,6 @@ from shields.interface.filtered import NUMBERS, Filtered
 from shields.interface.row_checks import DONE
 from shields.interface.snapshots import Snapshots
 from shields.methods.cbf_shield import CbfMethod
-from shields.methods.memory import put_velocities
 from shields.methods.method import FilterKernel, Method
 from shields.methods.sampled_shield import SampledMethod
 from shields.methods.tube_shield import TubeMethod
@@ -174,7 +174,7 @@ class Shield(Snapshots):
         if period == self._period:
             try:
                 packed: Any = obstacles
-                if packed.cores is self._cores and self._goes_on(packed.velocity):
+                if packed.cores is self._cores and goes_on(packed.velocity, self._moves, *self._moving):
                     out = np.empty(self._numbers)
                     code = self._kernel(flat, packed.center, packed.radius, snap, *self._own, out)
                     if code == DONE:
@@ -183,15 +183,6 @@ class Shield(Snapshots):
                 # The careful way makes them arrays of float64 in C order, or says what is wrong.
                 pass
         return self._filter_checked(flat, as_obstacles(obstacles), snap, period)
-
-    def _goes_on(self, velocity: NDArray[np.float64] | None) -> bool:
-        """Whether the obstacles rest, or move, as in a call that ended well; their velocities are put down."""
-        if velocity is None or not self._moves:
-            return self._moves is (velocity is not None)
-        if velocity.dtype != np.float64 or velocity.shape != self._velocity_shape:
-            return False
-        put_velocities(self._method.memory, velocity)
-        return True
 
     def _filter_checked(self, flat, obstacles: Obstacles, snap, period) -> Filtered:
         given = flat, obstacles.center, obstacles.radius, snap
@@ -207,6 +198,7 @@ class Shield(Snapshots):
         self._moves = moving is not None
         self._method.move(0.0 if moving is None else moving)
         self._own = self._method.memory, (*self._kernels.kind, self._cores)
+        self._moving = self._method.memory, (*self._leading, size[1], 3)
         out = np.empty(self._numbers)
         with compiling(self._kernels.batch, self._kernels.one):
             code = self._kernel(flats, centers, radii, snaps, *self._own, out)
@@ -226,7 +218,6 @@ class Shield(Snapshots):
         if period != self._period:
             self._kernels, self._period = self._method.at(period), period
         self._leading = () if is_single else size[:1]
-        self._velocity_shape = (*self._leading, size[1], 3)
         self._kernel = self._kernels.one if is_single else self._kernels.batch
         self._numbers = NUMBERS * size[0]
 

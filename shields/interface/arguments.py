@@ -147,6 +147,21 @@ def velocity_rows(velocity: ArrayLike | None, shape: tuple[int, ...]) -> NDArray
     return as_array(shaped_array("velocity", velocity)).reshape(shape)
 
 
+def goes_on(
+    velocity: NDArray[np.float64] | None, moves: bool | None, memory: NDArray[np.uint8], shape: tuple[int, ...]
+) -> bool:
+    """Whether obstacles rest, or move, as in a call that ended well; velocities of that shape are put down.
+
+    They stand last in the memory of a method.
+    """
+    if velocity is None or not moves:
+        return moves is (velocity is not None)
+    if velocity.dtype != np.float64 or velocity.shape != shape:
+        return False
+    memory[memory.nbytes - velocity.nbytes :].view(np.float64)[:] = velocity.ravel()
+    return True
+
+
 def positive_rows(name: str, value: ArrayLike, shape: tuple[int]) -> NDArray[np.float64]:
     """Numbers > 0, (N,), or one for all."""
     rows = finite_array(name, value)

@@ -214,11 +214,6 @@ def with_velocities(memory: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return memory
 
 
-def put_velocities(memory: NDArray[np.uint8], velocity: NDArray[np.float64]) -> None:
-    """Velocities (N, K, 3) in place of those of every row; they stand last."""
-    memory[memory.nbytes - velocity.nbytes :].view(np.float64)[:] = velocity.ravel()
-
-
 def recall(memory: NDArray[np.uint8], found: NDArray[np.uint8]) -> None:
     """Put another memory in place of one, but for the settings, which stand first: sizes are read from them."""
     memory[SETTINGS.itemsize :] = found[SETTINGS.itemsize :]
