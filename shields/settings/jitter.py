@@ -39,8 +39,10 @@ class Loop(NamedTuple):
     noise: Array
 
 
-def exponential(matrix: Array) -> Array:
-    """exp of a small matrix (4, 4), by scaling and squaring."""
+def exponential(rate: Array, time: float) -> Array:
+    """exp(rate · time) of rates (4, 4) of (r, v, a, j), by scaling and squaring, in units in which time is 1."""
+    units = time ** np.arange(4)
+    matrix = time * rate * units[:, None] / units
     halvings = max(0, math.ceil(math.log2(max(np.abs(matrix).sum(axis=1).max(), 1e-300))) + 4)
     small, term, total = matrix / 2.0**halvings, np.eye(4), np.eye(4)
     for i in range(1, 14):
@@ -48,7 +50,7 @@ def exponential(matrix: Array) -> Array:
         total = total + term
     for _ in range(halvings):
         total = total @ total
-    return total
+    return total * units / units[:, None]
 
 
 def logarithm(loop: Array, pole: float, period: float) -> Array:
@@ -63,7 +65,7 @@ def mismatch(rate: Array, gains: Array, shortest: float, longest: float) -> Arra
     found = []
     for length in np.linspace(shortest, longest, LENGTHS):
         step, b = chain_over(length)
-        found.append(np.abs(step - np.outer(b, gains) - exponential(rate * length)))
+        found.append(np.abs(step - np.outer(b, gains) - exponential(rate, length)))
     # What may lie between two of them.
     return np.max(found, axis=0) + np.abs(np.diff(found, axis=0)).max(axis=0)
 
@@ -73,8 +75,8 @@ class Sizes:
 
     def __init__(self, rate: Array, weights: Array, shortest: float):
         g = shortest / GRID
-        self._fine = np.concatenate(list(responses(exponential(rate * g), weights, g)))
-        self._between = exponential(np.abs(rate) * g) - np.eye(4)
+        self._fine = np.concatenate(list(responses(exponential(rate, g), weights, g)))
+        self._between = exponential(np.abs(rate), g) - np.eye(4)
         self.each = from_now_on(np.abs(self._fine) @ (np.eye(4) + self._between))[::GRID]
 
     def of(self, vector: Array) -> Array:
@@ -83,6 +85,8 @@ class Sizes:
         return from_now_on(np.abs(self._fine @ vector) + between)[::GRID]
 
 
+# A pole too fast for the period has no bounds: it overflows.
+@np.errstate(over="ignore", invalid="ignore")
 def most_under_jitter(loop: Loop, error: Array, added: Array, seldom: Seldom, period: float) -> Array:
     """Bounds (M,) of the rows of weights, the last the feedback; ``added`` is what a longest period adds."""
     shortest, longest = (1.0 - seldom.jitter) * period, (1.0 + seldom.jitter) * period
@@ -116,7 +120,8 @@ def _closed(most: Array, of_deviation: Array, of_feedback: Array) -> Array:
     """
     both = np.column_stack([of_feedback, of_deviation])
     own = both[-5:]
-    if not (np.isfinite(own).all() and np.abs(np.linalg.eigvals(own)).max() < 1.0):
+    is_finite = np.isfinite(both).all() and np.isfinite(most).all()
+    if not (is_finite and np.abs(np.linalg.eigvals(own)).max() < 1.0):
         return np.full(len(most) - 4, math.inf)
     settled = np.linalg.solve(np.eye(5) - own, most[-5:])
     return (most + both @ settled)[:-4]

@@ -163,14 +163,14 @@ def test_gains_and_tubes_to_thirteen_digits(name, period):
     assert numbers_off(library(), FLIGHTS[name]._replace(period=period)) < 1e-13
 
 
-# Python's exponentials are squared up to twenty times, each of which may double what rounding took; of a lag in
-# an interval it gives back what a Fourier transform may have taken, 1e-12.
+# An exponential is squared a few times, each of which may double what rounding took; of a lag in an interval
+# Python gives back what a Fourier transform may have taken, 1e-12.
 COMES_SELDOM = ("uneven periods", "a lag in an interval", "a lag in an interval, uneven periods", "all")
 
 
 @pytest.mark.parametrize("name", COMES_SELDOM)
-def test_tubes_of_what_comes_seldom_to_ten_digits(name):
-    assert numbers_off(library(), FLIGHTS[name]) < 1e-10
+def test_tubes_of_what_comes_seldom_to_eleven_digits(name):
+    assert numbers_off(library(), FLIGHTS[name]) < 1e-11
 
 
 # Rounding of float in exponentials and powers of a loop, 4e-4 seen.

@@ -30,14 +30,25 @@ def test_the_loop_is_the_exponential_of_its_logarithm(pole):
     (step, b), gains = chain_over(PERIOD), held_gains(4, pole, PERIOD)
     loop = step - np.outer(b, gains)
     rate = logarithm(loop, pole, PERIOD)
-    np.testing.assert_allclose(exponential(rate * PERIOD), loop, rtol=1e-9, atol=1e-9 * np.abs(loop).max())
-    np.testing.assert_allclose(exponential(0.7 * rate), expm(0.7 * rate), rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(exponential(rate, PERIOD), loop, rtol=1e-9, atol=1e-9 * np.abs(loop).max())
+    np.testing.assert_allclose(exponential(rate, 0.7), expm(0.7 * rate), rtol=1e-7, atol=1e-9)
     # Only at the nominal length there is no mismatch, and it grows with what a length may be off.
     near, far = (mismatch(rate, gains, PERIOD * (1 - e), PERIOD * (1 + e)) for e in (0.1, 0.3))
     assert (near <= far).all() and 2.0 * near.max() < far.max()
     length = 1.07 * PERIOD
     other, c = chain_over(length)
     assert (np.abs(other - np.outer(c, gains) - expm(rate * length)) <= near * (1 + 1e-9)).all()
+
+
+@pytest.mark.parametrize("given", [{"jitter": 0.01}, {"jitter": 0.1, "rotor_lag": (0.036, 0.038)}])
+@pytest.mark.parametrize("period", [0.01, 0.05, 0.2, 0.5])
+def test_a_period_too_long_for_fast_feedback_is_told_of_in_one_sentence_or_not_at_all(given, period):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            assert np.isfinite(tube_of(Uncertainty(**given), period, LIMITS).deviation).all()
+        except ValueError as error:
+            assert "uncertainty must leave half of snap, jerk and thrust" in str(error)
 
 
 def jittered_stops(e, tube, lengths, longest=600.0):
