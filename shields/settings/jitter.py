@@ -40,7 +40,7 @@ class Loop(NamedTuple):
 
 
 def exponential(rate: Array, time: float) -> Array:
-    """exp(rate · time) of rates (4, 4) of (r, v, a, j), by scaling and squaring, in units in which time is 1."""
+    """exp(rate · time) of rates (4, 4) of (r, v, a, j), by scaling and squaring in units of that time."""
     units = time ** np.arange(4)
     matrix = time * rate * units[:, None] / units
     halvings = max(0, math.ceil(math.log2(max(np.abs(matrix).sum(axis=1).max(), 1e-300))) + 4)
