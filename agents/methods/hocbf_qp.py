@@ -153,3 +153,10 @@ class HocbfFilter(Filter):
             A[k], b[k] = barrier(bodies, row, k, flat, (self.gain, self.margin))
         is_there = b > -np.inf
         return A[is_there], b[is_there]
+
+
+class SlowHocbf(HocbfFilter):
+    """The HOCBF-QP for snap commands, which may lead anywhere: slow enough that its box seldom excludes it."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        super().__init__(settings, gain=4.0)
