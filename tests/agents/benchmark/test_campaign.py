@@ -22,6 +22,8 @@ from agents.benchmark.rows import WINDOW, rows_of, steps_to, write_rows
 from agents.experiment.config import Options
 from agents.experiment.runs import open_run
 from agents.learn.episodes import EPISODE
+from agents.methods.wrapper import method_of
+from shields import Shield
 
 OWN = "examples.your_method:KeepAway"
 TINY = Budget(timesteps=64, off_policy_timesteps=64, seeds=2, eval_episodes=4)
@@ -119,6 +121,16 @@ def test_every_cell_has_every_method_that_there_is_for_it():
 def test_a_method_is_an_arm_and_who_learned(name, arm, learner, what):
     method = Method(name)
     assert (method.arm, method.learner, method.filter) == (arm, learner, what)
+
+
+def test_a_filter_that_is_tuned_for_an_action_is_flown_there_under_its_name():
+    slow = "agents.methods.hocbf_qp:SlowHocbf"
+    for name, arm in (("hocbf", slow), ("ppo+hocbf", f"none+{slow}"), ("sampled", "shield")):
+        method = Method(name, "snap")
+        assert (method.name, method.arm) == (name, arm)
+    found = {method.name: method.arm for method in Cell("rooms", "snap", "none").methods(METHODS)}
+    assert found["hocbf"] == slow and found["predictive"] == "predictive"
+    assert method_of(slow)(Shield().settings).gain < method_of("hocbf")(Shield().settings).gain
 
 
 def test_a_run_of_the_benchmark_is_a_run_as_any_other(flown):
