@@ -114,7 +114,8 @@ def single_calls(action: str) -> NDArray[np.float64]:
 
 def task_calls(task: str) -> NDArray[np.float64]:
     """µs of each call in the env of one vehicle, whose random velocity commands change every tenth step."""
-    env = VectorShieldWrapper(gymnasium.make_vec(f"QuadSafe/{task}-v0", 1, **PLAIN))
+    settings: dict[str, Any] = {**PLAIN}
+    env = VectorShieldWrapper(gymnasium.make_vec(f"QuadSafe/{task}-v0", 1, **settings))
     rng = np.random.default_rng(0)
     env.reset(seed=0)
     with TimedShield() as calls:
