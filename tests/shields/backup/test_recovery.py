@@ -130,7 +130,9 @@ def test_the_exit_of_several_is_no_farther_than_straight_away_from_any_of_them()
         end = length * np.array(way)
         assert (np.linalg.norm(end - center, axis=1) >= radius - 1e-9).all()
         for c in center[inside]:
-            assert length <= length_of_way(NOTHING, tuple(-c / np.linalg.norm(c)), bodies, 0.0)
+            # The direction is rounded here as the machine's BLAS has it.
+            straight = length_of_way(NOTHING, tuple(-c / np.linalg.norm(c)), bodies, 0.0)
+            assert length <= straight * (1.0 + 1e-12)
 
 
 @pytest.mark.interpreted
