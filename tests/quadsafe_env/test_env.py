@@ -495,7 +495,6 @@ def test_filter_that_answers_nan_crashes_its_row_and_nothing_else():
     assert observation in env.observation_space
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("conditions", ["off", "indoor"])
 @pytest.mark.parametrize("asked", [(3e5, 2e5, -1e6), (1e7, 0.0, 0.0), (1e8, 0.0, 0.0), (1e9, 0.0, 0.0)])
 def test_filter_that_asks_for_what_no_step_can_follow_crashes_its_row_where_it_was(asked, conditions):
