@@ -54,6 +54,8 @@ ARMS = {
     "shield": Arm("shield", is_shielded=True),
     "shield-penalty": Arm("shield, intervention penalty", is_shielded=True, intervention_penalty=0.05),
     "cbf": Arm("shield, method cbf", is_shielded=True, shield={"method": "cbf"}),
+    # Of six settings those behind which most is learned with snap commands, see benchmarks/snap_settings.py.
+    "slow-shield": Arm("shield, for snap commands", is_shielded=True, shield={"alpha": 0.5, "snap_max": 60.0}),
     "tracker": Arm("tracker", agent="tracker"),
     "random": Arm("random actions", agent="random"),
     "policy": Arm("given policy", agent="given"),

@@ -17,6 +17,7 @@ WAYS = {
     "collision-penalty": "with a collision penalty and no shield",
     "shield-penalty": "with the shield and a penalty on its interventions",
     "cbf": "with the shield of method cbf",
+    "slow-shield": "with the shield as set for snap commands",
 }
 FLIERS = {"tracker": "the tracker", "random": "random actions"}
 FEW_SEEDS = 5

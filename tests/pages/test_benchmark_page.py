@@ -2,17 +2,26 @@
 
 import csv
 
-from house import ROOT
+import pytest
+from house import ROOT, script
 
 from agents.benchmark.comparison import read_comparison
 from agents.benchmark.tables import tables
+from agents.experiment.arms import ARMS
 
 FILE, PAGE = ROOT / "docs/data/benchmark.csv", ROOT / "docs/benchmark.md"
+SETTINGS = ROOT / "docs/data/snap_settings.csv"
 
 
-def rows():
-    with FILE.open(newline="", encoding="utf-8") as file:
+def rows(path=FILE):
+    with path.open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def search():
+    with script("benchmarks", "snap_settings") as module:
+        yield module
 
 
 def test_the_tables_of_the_page_are_those_of_the_file(tmp_path):
@@ -36,3 +45,29 @@ def test_the_sampled_shield_lets_nothing_through_in_any_cell():
     assert sum(int(row["training_violations"]) for row in sampled if row["method"] == "sampled") == 0
     # Whoever learned without it did violate, and in every cell.
     assert all(int(row["training_violations"]) > 100 for row in sampled if row["method"] == "ppo+sampled")
+
+
+def test_the_page_has_the_search_of_settings_for_snap_commands(search):
+    found = rows(SETTINGS)
+    assert search.tables(found) in PAGE.read_text(encoding="utf-8")
+    assert not any(int(row["heldout_violations"]) for row in found if row["filter"] == "sampled")
+    # Searched on seeds that the benchmark does not fly, and flown with those that it does.
+    assert {int(row["seed"]) for row in found} == {*range(10), 100, 101, 102}
+
+
+def test_the_best_candidate_violates_least_and_then_earns_most(search):
+    def of(violations, *returns):
+        row = {"training_violations": "0", "heldout_violations": "0"}
+        every = [{**row, "heldout_return": str(one)} for one in returns]
+        every[0]["training_violations"] = str(violations)
+        return every
+
+    careful, earning, careless = of(0, 1.0, 2.0), of(0, 0.0, 3.1), of(1, 9.0, 9.0)
+    assert sorted((careful, careless, earning), key=search.rank) == [earning, careful, careless]
+
+
+def test_every_filter_has_the_same_number_of_candidates_and_the_benchmark_flies_the_best(search):
+    assert {len(search.candidates(name)) for name in search.FIELDS} == {6}
+    best = {row["settings"] for row in rows(SETTINGS) if row["filter"] == "sampled" and int(row["seed"]) < 10}
+    words = " ".join(f"{key} {value:g}" for key, value in ARMS["slow-shield"].shield.items())
+    assert best == {words}

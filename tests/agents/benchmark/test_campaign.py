@@ -125,7 +125,8 @@ def test_a_method_is_an_arm_and_who_learned(name, arm, learner, what):
 
 def test_a_filter_that_is_tuned_for_an_action_is_flown_there_under_its_name():
     slow = "agents.methods.hocbf_qp:SlowHocbf"
-    for name, arm in (("hocbf", slow), ("ppo+hocbf", f"none+{slow}"), ("sampled", "shield")):
+    own = (("sampled", "slow-shield"), ("ppo+sampled", "none+slow-shield"))
+    for name, arm in (("hocbf", slow), ("ppo+hocbf", f"none+{slow}"), *own):
         method = Method(name, "snap")
         assert (method.name, method.arm) == (name, arm)
     found = {method.name: method.arm for method in Cell("rooms", "snap", "none").methods(METHODS)}

@@ -20,6 +20,7 @@ from agents.experiment.pairs import pairs_from
 from agents.experiment.program import called, program
 from agents.experiment.runs import Run, create_run, extended_run, open_run
 from quadsafe_core.registration import IDS
+from shields import Shield
 
 UNUSUAL = Experiment(
     env="QuadSafe/Flight-v0",
@@ -101,15 +102,18 @@ def test_the_arms_are_those_that_a_study_of_shields_reports():
         "shield",
         "shield-penalty",
         "cbf",
+        "slow-shield",
         "lagrangian",
         *FILTERS,
     ]
-    shielded = {"shield", "shield-penalty", "cbf", *FILTERS}
+    shielded = {"shield", "shield-penalty", "cbf", "slow-shield", *FILTERS}
     assert {name for name, arm in ARMS.items() if arm.is_shielded} == shielded
     assert {name for name, arm in ARMS.items() if arm.filter == name} == {*FILTERS}
     assert ARMS["collision-penalty"].collision_penalty > 0 and ARMS["shield-penalty"].intervention_penalty > 0
     assert [name for name, arm in ARMS.items() if arm.is_constrained] == ["lagrangian"]
     assert ARMS["cbf"].shield == {"method": "cbf"}
+    slow = Shield(**ARMS["slow-shield"].shield).settings
+    assert slow["alpha"] < Shield().settings["alpha"] and slow["snap_max"] < Shield().settings["snap_max"]
     assert len({arm.title for arm in ARMS.values()}) == len(ARMS)
 
 

@@ -119,8 +119,8 @@ def test_what_cannot_be_watched_is_said_in_a_sentence(run, words, sentence, caps
 
 def test_the_agents_of_a_large_run_are_told_in_few_words():
     jobs = Experiment(arms=tuple(ARMS), n_seeds=10).jobs()
-    assert len(jobs) == 102
-    learners = "none, collision-penalty, shield, shield-penalty, cbf"
+    assert len(jobs) == 112
+    learners = "none, collision-penalty, shield, shield-penalty, cbf, slow-shield"
     trained = f"{learners}, random, lagrangian, hocbf, predictive, geometric with seeds 0 to 9"
     assert runs.jobs_in_words(jobs) == f"{trained}; tracker, policy with seed 0"
     assert runs.jobs_in_words([("none", 7), ("none", 2), ("none", 3)]) == "none with seeds 2 to 3, 7"
