@@ -78,7 +78,7 @@ class Evaluate:
 class Export:
     """Write the policy of a run for other programs: from observations (N, D) to the actions that it flies.
 
-    Or its flights in held-out scenes, as a Minari data set.
+    Or its flights in held-out scenes, as a Minari data set or a Parquet table.
     """
 
     run: tyro.conf.Positional[Path]
@@ -87,10 +87,12 @@ class Export:
     """Whose policy; the last that was trained unless given."""
     seed: int | None = None
     """Which of its trainings; its first unless given."""
-    format: Literal["onnx", "torchscript", "minari"] = "onnx"
-    """Kind of file; onnx needs pip install "quadsafe[onnx]", minari, its flights, "quadsafe[minari]"."""
+    format: Literal["onnx", "torchscript", "minari", "parquet"] = "onnx"
+    """Kind of file; minari and parquet are its flights. All but torchscript need an extra: pip install
+    "quadsafe[onnx]", "quadsafe[minari]", "quadsafe[parquet]"."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File to write; policy.onnx, policy.ts or the folder flights beside the weights unless given."""
+    """File to write; policy.onnx, policy.ts, flights.parquet or the folder flights beside the weights unless
+    given."""
 
 
 @dataclass(frozen=True)

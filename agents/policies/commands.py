@@ -17,9 +17,12 @@ from agents.policies.adapters import agent_from
 from agents.policies.evaluation import Evaluation, evaluate_in
 from agents.policies.export import DEFAULT_NAMES, export_policy
 from agents.policies.minari_file import export_flights
+from agents.policies.parquet_file import export_table
 from agents.report.tables import aligned, evaluation_table
 from agents.report.watch import Showing, show
 from quadsafe_env.settings import scene_integer
+
+FLIGHTS = {"minari": export_flights, "parquet": export_table}
 
 
 def evaluate_named(command: Evaluate) -> Evaluation:
@@ -74,7 +77,8 @@ def export_of_run(command: Export) -> str:
     run = open_run(command.run)
     arm, seed = run.chosen_training(command.arm, command.seed)
     path = command.output or run.folder_of(arm, seed) / DEFAULT_NAMES[command.format]
-    if command.format == "minari":
-        return f"Arm {arm}, seed {seed}. {export_flights(run, arm, seed, path)}"
-    told = export_policy(load_policy(run, arm, seed), path, command.format)
+    if command.format in FLIGHTS:
+        told = FLIGHTS[command.format](run, arm, seed, path)
+    else:
+        told = export_policy(load_policy(run, arm, seed), path, command.format)
     return f"Arm {arm}, seed {seed}. {told}"

@@ -20,7 +20,12 @@ from agents.experiment.files import write_safely
 from agents.policies.onnx_file import MISSING, OnnxPolicy
 from quadsafe_core.checks import one_of
 
-DEFAULT_NAMES = {"onnx": "policy.onnx", "torchscript": "policy.ts", "minari": "flights"}
+DEFAULT_NAMES = {
+    "onnx": "policy.onnx",
+    "torchscript": "policy.ts",
+    "minari": "flights",
+    "parquet": "flights.parquet",
+}
 CHECKED = 256  # observations
 # In single precision; sums of other programs have another order.
 TOLERANCE = 1e-5
