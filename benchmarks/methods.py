@@ -1,4 +1,4 @@
-"""Filters of others in the shield's place: how they were tuned, and how they fly on scenes set apart.
+"""The shield and filters of others in its place: how they were tuned, and how they fly on scenes set apart.
 
     python benchmarks/methods.py --tune NAME     every candidate of a filter, best first
     python benchmarks/methods.py                 the table of docs/benchmark.md, 400 flights a line
@@ -24,11 +24,13 @@ from agents.measure.call_times import timed_calls
 from agents.measure.evaluate import fly, held_out_scenes
 from agents.methods.filter import Filter
 from agents.methods.wrapper import filtered
+from shields.shield import METHODS
 
 ENV, GAIN = "QuadSafe/Avoid-v0", 2.0  # the gain, 1/s
 TUNING_STEPS = 125  # of an attack
 TUNING_SCENES = [2**62 + i for i in range(200)]
 FIELDS: Mapping[str, Mapping[str, tuple[float, ...]]] = {
+    "sampled": {"alpha": (1.0, 2.0, 4.0), "snap_max": (100.0, 200.0, 300.0, 400.0)},
     "hocbf": {"gain": (8.0, 12.0, 16.0, 24.0), "margin": (0.005, 0.01, 0.02)},
     "predictive": {"blocks": (6, 9), "margin": (0.01, 0.02, 0.04), "jerk": (1.0, 1.7)},
     "geometric": {"pole": (2.5, 4.0, 6.0, 8.0), "margin": (0.01, 0.03, 0.1)},
@@ -100,12 +102,12 @@ def tune(name: str) -> None:
     names = tuple(FIELDS[name])
     for values in product(*FIELDS[name].values()):
         options = dict(zip(names, values, strict=True))
-        settings = {"filter": name, **options}
+        settings = {"method" if name in METHODS else "filter": name, **options}
         goal = flown(settings, False, TUNING_SCENES[::2])
         attack = flown(settings, True, TUNING_SCENES[1::2], max_episode_steps=TUNING_STEPS)
-        calls, failed = (goal[key] + attack[key] for key in ("calls", "solver_failures"))
+        calls, failed = (goal.get(key, 0) + attack.get(key, 0) for key in ("calls", "solver_failures"))
         bad = goal["violated"] + attack["violated"] + goal["crashed"] + attack["crashed"]
-        rows.append((bad, -goal["succeeded"], failed / calls, goal["length"], options))
+        rows.append((bad, -goal["succeeded"], failed / max(calls, 1), goal["length"], options))
         print(rows[-1], flush=True)
     print("\n".join(map(str, sorted(rows, key=lambda row: row[:4]))))
 
