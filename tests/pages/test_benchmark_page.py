@@ -5,6 +5,7 @@ import csv
 import pytest
 from house import ROOT, script
 
+from agents.benchmark.cells import Budget
 from agents.benchmark.comparison import read_comparison
 from agents.benchmark.tables import tables
 from agents.experiment.arms import ARMS
@@ -71,3 +72,17 @@ def test_every_filter_has_the_same_number_of_candidates_and_the_benchmark_flies_
     best = {row["settings"] for row in rows(SETTINGS) if row["filter"] == "sampled" and int(row["seed"]) < 10}
     words = " ".join(f"{key} {value:g}" for key, value in ARMS["slow-shield"].shield.items())
     assert best == {words}
+
+
+def test_the_search_flies_every_candidate_then_the_best_and_nothing_twice(search, tmp_path, monkeypatch):
+    pytest.importorskip("daqp")
+    monkeypatch.setattr(search, "FIELDS", {"hocbf": {"gain": (4.0, 8.0)}})
+    monkeypatch.setattr(search, "SEARCHED", (100, 1))
+    monkeypatch.setattr(search, "FLOWN", (0, 1))
+    monkeypatch.setattr(search, "Budget", lambda: Budget(timesteps=2_048, eval_episodes=2))
+    found = search.search("hocbf", tmp_path)
+    best = min(found[:2], key=lambda row: search.rank([row]))["settings"]
+    assert [(row["settings"], row["seed"]) for row in found] == [("gain 4", 100), ("gain 8", 100), (best, 0)]
+    assert all(row["heldout_episodes"] == 2 and row["training_episodes"] > 0 for row in found)
+    monkeypatch.setattr(search, "run_jobs", lambda engine, run, jobs, options: {job: "again" for job in jobs})
+    assert search.search("hocbf", tmp_path) == found
