@@ -38,6 +38,7 @@ from quadsafe_core.shapes.cores import SPHERE
 
 # Weight of the slack against the distance from the desired snap.
 SLACK_WEIGHT = 1e6
+IDENTITY = np.eye(3)
 
 
 @kernel
@@ -68,6 +69,14 @@ def barrier(bodies, row, k, flat, tuned):
 
 
 @kernel
+def barriers(bodies, row, flat, tuned, A, b):
+    """Into A (K, 3) and b (K,) the constraints of all bodies of a row, see ``barrier``."""
+    for k in range(b.shape[0]):
+        n, b[k] = barrier(bodies, row, k, flat, tuned)
+        write3(A[k], n)
+
+
+@kernel
 def passing_batch(bodies, flat, snap, tuned, out):
     """Whether the snaps (N, 3) of N rows keep every constraint and the box; ``tuned`` are p, margin and box."""
     for i in range(flat.shape[0]):
@@ -87,9 +96,7 @@ def answer_batch(bodies, rows, flat, tuned, snap, outcome):
     p, margin, largest = tuned
     A, b = np.empty((bodies.radius.shape[1], 3)), np.empty(bodies.radius.shape[1])
     for i in range(rows.shape[0]):
-        for k in range(b.shape[0]):
-            n, b[k] = barrier(bodies, rows[i], k, flat[rows[i]], (p, margin))
-            write3(A[k], n)
+        barriers(bodies, rows[i], flat[rows[i]], (p, margin), A, b)
         d = row_of(snap, i)
         u, outcome[i] = least_point(A, b, d, largest, 0.0)
         if outcome[i] == INFEASIBLE:
@@ -133,10 +140,11 @@ class HocbfFilter(Filter):
     def answer(self, row: int, flat: Floats, bodies: Bodies, snap: Floats) -> Answer:
         """The solution of the programme, or the least violating snap."""
         A, b = self.rows(row, flat, bodies)
-        box = np.full(3, self.largest)
-        u = solved(np.eye(3), -snap, A, np.append(-box, b), np.append(box, np.full(len(b), np.inf)))
+        high = np.full(3 + len(b), np.inf)
+        high[:3] = self.largest
+        u = solved(IDENTITY, -snap, A, np.concatenate([-high[:3], b]), high)
         if u is not None and (A @ u >= b - TOLERANCE).all():
-            return Answer(np.clip(u, -box, box))
+            return Answer(u.clip(-self.largest, self.largest))
         return Answer(self._least_violating(A, b, snap), failed=True)
 
     def _least_violating(self, A: Floats, b: Floats, snap: Floats) -> Floats:
@@ -149,8 +157,7 @@ class HocbfFilter(Filter):
     def rows(self, row: int, flat: Floats, bodies: Bodies) -> tuple[Floats, Floats]:
         """The constraints A u ≥ b of a row with state (4, 3): A (K, 3) of unit rows, b (K,), m/s⁴."""
         A, b = np.empty((bodies.radius.shape[1], 3)), np.empty(bodies.radius.shape[1])
-        for k in range(len(b)):
-            A[k], b[k] = barrier(bodies, row, k, flat, (self.gain, self.margin))
+        barriers(bodies, row, flat, (self.gain, self.margin), A, b)
         is_there = b > -np.inf
         return A[is_there], b[is_there]
 
