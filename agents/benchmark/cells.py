@@ -24,9 +24,14 @@ PLAIN = "none"  # the arm whose policies every filter is put in front of
 # Methods without a filter, and what else learns behind one; a filter of a user is called by its module:Class.
 ARM_OF_METHOD = {"ppo": PLAIN, "penalty": "collision-penalty", "lagrangian": "lagrangian", "sac": PLAIN}
 FILTERS = {"sampled": "shield", **{name: name for name in ("cbf", "hocbf", "predictive", "geometric")}}
-# Nothing but the policy bounds a snap: with the gain that is best with velocity commands the HOCBF-QP lets
-# vehicles become too fast for its box, and behind the default shield less is learned (docs/benchmark.md).
-SLOW = {"sampled": "slow-shield", "hocbf": "agents.methods.hocbf_qp:SlowHocbf"}
+# Nothing but the policy bounds a snap: behind what is best with velocity commands vehicles become fast, the
+# HOCBF-QP too fast for its box, and less is learned (docs/benchmark.md).
+SLOW = {
+    "sampled": "slow-shield",
+    "hocbf": "agents.methods.hocbf_qp:SlowHocbf",
+    "predictive": "agents.methods.predictive:SlowPredictive",
+    "geometric": "agents.methods.geometric:SlowGeometric",
+}
 TUNED = {"velocity": FILTERS, "snap": {**FILTERS, **SLOW}}
 METHODS = (*ARM_OF_METHOD, *FILTERS, *(f"ppo{IN_FRONT}{name}" for name in FILTERS))
 

@@ -93,6 +93,13 @@ class GeometricFilter(Filter):
         return -np.einsum("o,noi->ni", self._gains, flat[:, 1:])
 
 
+class SlowGeometric(GeometricFilter):
+    """Braking for snap commands: with the pole behind which most was learned there."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        super().__init__(settings, pole=4.0)
+
+
 @cache
 def braking_law(pole: float, period: float) -> tuple[Floats, Floats]:
     """Gains (3,) on (v, a, j), and the weights (3,) of these in the way to rest."""

@@ -238,3 +238,10 @@ class PredictiveFilter(Filter):
         super().restore(snapshot)
         self.plans, self.is_planned = snapshot["plans"].copy(), snapshot["is_planned"].copy()
         self._phase = int(snapshot["phase"])
+
+
+class SlowPredictive(PredictiveFilter):
+    """The predictive safety filter for snap commands: with the jerk behind which most was learned there."""
+
+    def __init__(self, settings: Mapping[str, Any]):
+        super().__init__(settings, jerk=0.5)
