@@ -49,9 +49,14 @@ def candidates(name: str) -> list[dict[str, Any]]:
     return [dict(zip(FIELDS[name], values, strict=True)) for values in product(*FIELDS[name].values())]
 
 
+def words_of(settings: Mapping[str, Any]) -> str:
+    """What tables call a candidate."""
+    return " ".join(f"{key} {value:g}" for key, value in settings.items())
+
+
 def flown(name: str, settings: Mapping[str, Any], seeds: tuple[int, int], folder: Path) -> Iterator[Row]:
     """Train and fly what is missing of a candidate; a row for each seed."""
-    words = " ".join(f"{key} {value:g}" for key, value in settings.items())
+    words = words_of(settings)
     told = {"method" if name in OF_SHIELD else "filter": name, **settings}
     plain = CELL.experiment("ppo", [Method("sampled", CELL.action)], Budget())
     experiment = replace(plain, arms=(ARM,), shield=told, seed=seeds[0], n_seeds=seeds[1])

@@ -5,10 +5,12 @@ import csv
 import pytest
 from house import ROOT, script
 
-from agents.benchmark.cells import Budget
+from agents.benchmark.cells import Budget, Method
 from agents.benchmark.comparison import read_comparison
 from agents.benchmark.tables import tables
 from agents.experiment.arms import ARMS
+from agents.methods.wrapper import method_of
+from shields import Shield
 
 FILE, PAGE = ROOT / "docs/data/benchmark.csv", ROOT / "docs/benchmark.md"
 SETTINGS = ROOT / "docs/data/snap_settings.csv"
@@ -69,9 +71,17 @@ def test_the_best_candidate_violates_least_and_then_earns_most(search):
 
 def test_every_filter_has_the_same_number_of_candidates_and_the_benchmark_flies_the_best(search):
     assert {len(search.candidates(name)) for name in search.FIELDS} == {6}
-    best = {row["settings"] for row in rows(SETTINGS) if row["filter"] == "sampled" and int(row["seed"]) < 10}
+    found = rows(SETTINGS)
+    best = {row["filter"]: row["settings"] for row in found if int(row["seed"]) < 10}
     words = " ".join(f"{key} {value:g}" for key, value in ARMS["slow-shield"].shield.items())
-    assert best == {words}
+    assert best["sampled"] == words
+    # (33) with its defaults, as everywhere; the HOCBF-QP slower than its best, see the page.
+    assert best["cbf"] == "alpha 2 snap_max 200" and Shield().settings["snap_max"] == 200.0
+    settings = Shield(jerk_max=50.0).settings
+    for name, fields in (("predictive", ("limits", "blocks", "margin")), ("geometric", ("pole", "margin"))):
+        wanted = next(one for one in search.candidates(name) if best[name] == search.words_of(one))
+        flown, searched = method_of(Method(name, "snap").arm)(settings), method_of(name)(settings, **wanted)
+        assert all(getattr(flown, field) == getattr(searched, field) for field in fields)
 
 
 def test_the_search_flies_every_candidate_then_the_best_and_nothing_twice(search, tmp_path, monkeypatch):

@@ -123,15 +123,20 @@ def test_a_method_is_an_arm_and_who_learned(name, arm, learner, what):
     assert (method.arm, method.learner, method.filter) == (arm, learner, what)
 
 
-def test_a_filter_that_is_tuned_for_an_action_is_flown_there_under_its_name():
-    slow = "agents.methods.hocbf_qp:SlowHocbf"
-    own = (("sampled", "slow-shield"), ("ppo+sampled", "none+slow-shield"))
-    for name, arm in (("hocbf", slow), ("ppo+hocbf", f"none+{slow}"), *own):
-        method = Method(name, "snap")
-        assert (method.name, method.arm) == (name, arm)
+@pytest.mark.parametrize(
+    ("name", "field"), [("hocbf", "gain"), ("predictive", "limits"), ("geometric", "pole")]
+)
+def test_a_filter_is_slower_where_snaps_are_commanded(name, field):
+    slow = Method(name, "snap").arm
+    assert Method(f"ppo+{name}", "snap").arm == f"none+{slow}" and Method(name, "snap").name == name
+    tuned, usual = (getattr(method_of(which)(Shield(jerk_max=50.0).settings), field) for which in (slow, name))
+    assert tuned < usual
+
+
+def test_the_shield_is_slower_where_snaps_are_commanded():
     found = {method.name: method.arm for method in Cell("rooms", "snap", "none").methods(METHODS)}
-    assert found["hocbf"] == slow and found["predictive"] == "predictive"
-    assert method_of(slow)(Shield().settings).gain < method_of("hocbf")(Shield().settings).gain
+    assert (found["sampled"], found["ppo+sampled"]) == ("slow-shield", "none+slow-shield")
+    assert Method("sampled", "velocity").arm == "shield"
 
 
 def test_a_run_of_the_benchmark_is_a_run_as_any_other(flown):
