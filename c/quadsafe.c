@@ -20,6 +20,11 @@ static qs_real rounding_at(qs_vec r, qs_vec gap) {
     return EITHER(1e-9, 1e-6) + EITHER(1e-14, 1e-6) * (reach_of(r) + reach_of(gap));
 }
 
+/* What a vehicle at r keeps surely of where it is, a gap from the centre. */
+static qs_real distance_here(const qs_obstacle *core, qs_vec r, qs_vec gap) {
+    return core ? distance_from(core, gap) - rounding_at(r, gap) : JUST_INSIDE * norm(gap);
+}
+
 /* The distances that a new stop keeps, and the stored one, off which the vehicle is, and bare. A new stop begins
  * where the vehicle is, and keeps what distance there is. In a tube both keep the whole distance. */
 static void distances_to_keep(qs_shield *shield, const bodies *all) {
@@ -30,7 +35,6 @@ static void distances_to_keep(qs_shield *shield, const bodies *all) {
         const qs_obstacle *core = core_of(all, k);
         qs_vec gap = subtract(r, all->center[k]);
         qs_real radius = all->keep[k], rounding = rounding_at(r, gap);
-        qs_real here = core ? distance_from(core, gap) - rounding : JUST_INSIDE * norm(gap);
         shield->ahead[k] = shield->stored[k] = shield->bare[k] = 0;
         if (!is_there(core, radius)) continue;
         shield->ahead[k] = widened(core, radius, rules->margin / 2), shield->bare[k] = radius;
@@ -39,7 +43,7 @@ static void distances_to_keep(qs_shield *shield, const bodies *all) {
             shield->stored[k] += 2 * most_of(off - rules->estimate, 0);
             shield->bare[k] -= rules->tube;
         } else {
-            shield->ahead[k] = least_of(shield->ahead[k], here);
+            shield->ahead[k] = least_of(shield->ahead[k], distance_here(core, r, gap));
             shield->stored[k] += 2 * off;
         }
     }
@@ -68,6 +72,44 @@ static qs_vec backup_snap(qs_shield *shield, const bodies *all, qs_answer *fact)
     return within_ball(u, rules->limits.snap_max);
 }
 
+/* Whether the vehicle is in the shell that a tube keeps around a body, in no body, and on no stop that counts
+ * (shields.backup.certificate). */
+static int is_lost(const qs_shield *shield, const bodies *all) {
+    int is_near = 0;
+    for (int k = 0; k < all->count; ++k) {
+        const qs_obstacle *core = core_of(all, k);
+        if (!is_there(core, shield->ahead[k])) continue;
+        qs_real here = distance_here(core, shield->last.r, subtract(shield->last.r, all->center[k]));
+        if (here < shield->bare[k]) return 0;
+        is_near |= here < shield->ahead[k];
+    }
+    return is_near && standing(shield, all) != STOPPED;
+}
+
+/* There nothing is certified, but of the distance that there is as much is kept as a stop can keep: the snap out
+ * of the shell, or a stop. */
+static qs_vec kept_snap(qs_shield *shield, const bodies *all, const qs_limits *limits, qs_answer *fact, int *kind) {
+    static const qs_real SHARES[] = {1, Q(0.5), 0};
+    qs_vec r = shield->last.r, leaving = backup_snap(shield, all, fact);
+    qs_real near[QS_MAX_OBSTACLES];
+    for (int k = 0; k < all->count; ++k) {
+        const qs_obstacle *core = core_of(all, k);
+        qs_real here = distance_here(core, r, subtract(r, all->center[k]));
+        near[k] = is_there(core, shield->ahead[k]) ? least_of(shield->ahead[k], here) : 0;
+    }
+    for (int i = 0; i < 3; ++i) {
+        for (int k = 0; k < all->count; ++k)
+            shield->ahead[k] = shield->stored[k] =
+                shield->bare[k] + SHARES[i] * (near[k] - shield->bare[k]);
+        qs_vec u = certified_snap(shield, leaving, 1, all, limits, kind);
+        if (*kind != UNCERTIFIED) {
+            *kind = *kind >= STOPPED ? ASTRAY : UNCERTIFIED;
+            return u;
+        }
+    }
+    return leaving;
+}
+
 /* Project, certify, at once or piece by piece, and else fly the stored stop; what it is. */
 static qs_vec careful_snap(qs_shield *shield, qs_vec wanted, int is_wanted, int is_chosen, const bodies *all,
                            qs_answer *fact, int *kind) {
@@ -83,6 +125,7 @@ static qs_vec careful_snap(qs_shield *shield, qs_vec wanted, int is_wanted, int 
     if (is_wanted && is_chosen && accept_at_once(shield, u, all)) return u;
     distances_to_keep(shield, all);
     qs_limits limits = limits_at(&shield->last, &shield->rules);
+    if (shield->rules.has_tube && is_lost(shield, all)) return kept_snap(shield, all, &limits, fact, kind);
     u = certified_snap(shield, u, is_wanted, all, &limits, kind);
     return *kind == UNCERTIFIED ? backup_snap(shield, all, fact) : u;
 }

@@ -10,10 +10,15 @@ brings the vehicle to rest, exactly, in the frame that moves with w. Every arc o
 the last one a ray test keeps the bodies that move at constant velocity away from the resting vehicle for ever.
 The stop ends in exact rest and is held there by feedback. Before a stored stop is flown, what is left of it is
 checked again, against the bodies and the vehicle as they are by then.
+
+In the shell that a tube keeps around a body no certificate can begin, and what the bodies around ask for may
+exclude each other. There of the distance that there is as much is kept as a stop can keep: ``kept_snap``.
 """
 
 import math
 from typing import NamedTuple
+
+import numpy as np
 
 from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
@@ -36,13 +41,17 @@ from shields.backup.stored_stop import (
     write_stop,
 )
 from shields.chains.flat_state import Flat, behind_of, flown, lead_of
-from shields.interface.bodies import as_one_row, is_there
+from shields.interface.bodies import as_one_row, distance_from, is_there, rounding_at
 from shields.interface.records import (
     FlightLimits,  # noqa: F401 - it was imported from here before
     MovingBodies,
     ThrustBand,
 )
 
+# Rounding, as a fraction of a radius, that a stored stop is allowed; and of a distance, to be below it.
+ROUNDING, JUST_INSIDE = 1e-9, 1 - 1e-12
+# Of the way from a body itself to the distance that there is, what a stop is to keep.
+SHARES = (1.0, 0.5, 0.0)
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
 BLENDS = (0.5, 0.25)
 ANY_THRUST = ThrustBand(-1e300, math.inf, 0.0)
@@ -225,3 +234,55 @@ def certified_snap(plan, x, wanted, is_wanted, distances, flight):
                 return blend, BLENDED
     advance_stop(plan, period)
     return stop, kind
+
+
+@inline_kernel
+def at_distance(bodies, keep_out):
+    """The bodies at other distances to keep."""
+    return MovingBodies(bodies.center, bodies.velocity, keep_out, bodies.cores)
+
+
+@inline_kernel
+def standing_distances(core, radius, r, center):
+    """What a vehicle at r keeps surely of where it is, and what a stored stop keeps, but for rounding, m."""
+    gap = subtract(r, center)
+    if core is None:
+        return JUST_INSIDE * norm(gap), (1 - ROUNDING) * radius
+    rounding = rounding_at(r, gap)
+    return distance_from(core, gap) - rounding, radius - rounding
+
+
+@kernel
+def look_at_shells(plan, x, distances, flight):
+    """Whether x is in the shell of a body, in no body, and on no stop that counts; what distances there are.
+
+    These are no farther than what a new stop keeps.
+    """
+    ahead, bare, near = distances.ahead.keep_out, distances.bare, np.zeros(distances.ahead.keep_out.shape[0])
+    is_near, is_in = False, False
+    for k in range(near.shape[0]):
+        core = entry_at(bare.cores, k)
+        if is_there(core, ahead[k]):
+            here, _ = standing_distances(core, ahead[k], x.r, vector(bare.center[k]))
+            near[k] = min(ahead[k], here)
+            is_near, is_in = is_near | (here < ahead[k]), is_in | (here < bare.keep_out[k])
+    is_lost = is_near and not is_in
+    if is_lost:
+        is_lost = standing(plan, x, flight.period, distances, flight.limits, flight.gains) != STOPPED
+    return is_lost, at_distance(bare, near)
+
+
+@kernel
+def kept_snap(plan, x, leaving, near, bare, flight):
+    """The snap out of the shell, or a stop; the snap and what it is, certified in no case.
+
+    ``leaving``: the snap without any stop; ``near``: the bodies at the distances that there are. Of these as
+    much is kept as a stop can keep.
+    """
+    for share in SHARES:
+        keep = bare.keep_out + share * (near.keep_out - bare.keep_out)
+        kept = at_distance(bare, keep)
+        snap, kind = certified_snap(plan, x, leaving, True, Distances(kept, kept, bare), flight)
+        if kind != UNCERTIFIED:
+            return snap, ASTRAY if kind >= STOPPED else UNCERTIFIED
+    return leaving, UNCERTIFIED

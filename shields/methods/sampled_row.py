@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from quadsafe_core.kernels.choice import entry_at
-from quadsafe_core.kernels.jit import inline_kernel, kernel
+from quadsafe_core.kernels.jit import kernel
 from quadsafe_core.kernels.lanes import LANES
 from quadsafe_core.kernels.vec3 import combined, norm, scale, subtract, vector
 from shields.backup.certificate import (
@@ -20,7 +20,11 @@ from shields.backup.certificate import (
     UNCERTIFIED,
     Distances,
     accept_at_once,
+    at_distance,
     certified_snap,
+    kept_snap,
+    look_at_shells,
+    standing_distances,
 )
 from shields.backup.recovery import is_within, recovery_snap
 from shields.backup.stored_stop import length_of, reference, within_ball
@@ -29,12 +33,10 @@ from shields.blocks.calm import is_stop_taken, look_at_block, store_calm
 from shields.interface.bodies import (
     as_one_row,
     bodies_of_row,
-    distance_from,
     is_there,
-    rounding_at,
     widened,
 )
-from shields.interface.records import FlightLimits, FlightRules, MovingBodies, ThrustBand
+from shields.interface.records import FlightLimits, FlightRules, ThrustBand
 from shields.interface.row_checks import (
     DONE,
     TOO_LARGE,
@@ -64,9 +66,6 @@ from shields.methods.reach import (
     room_among,
 )
 
-# Rounding, as a fraction of a radius, that a stored stop is allowed.
-ROUNDING = 1e-9
-
 
 class Wish(NamedTuple):
     """A snap, m/s⁴; whether the pilot asks for it; whether half-spaces were chosen for it, and one cuts it."""
@@ -74,22 +73,6 @@ class Wish(NamedTuple):
     snap: tuple
     is_wanted: bool
     is_chosen: bool
-
-
-@inline_kernel
-def at_distance(bodies, keep_out):
-    """The bodies at other distances to keep."""
-    return MovingBodies(bodies.center, bodies.velocity, keep_out, bodies.cores)
-
-
-@inline_kernel
-def standing_distances(core, radius, r, center):
-    """What a vehicle at r keeps surely of where it is, and what a stored stop keeps, but for rounding, m."""
-    gap = subtract(r, center)
-    if core is None:
-        return JUST_INSIDE * norm(gap), (1 - ROUNDING) * radius
-    rounding = rounding_at(r, gap)
-    return distance_from(core, gap) - rounding, radius - rounding
 
 
 @kernel
@@ -176,6 +159,11 @@ def careful_snap(x, wish, bodies, row, settings):
         return nearest, ACCEPTED
     distances = distances_to_keep(row.plan, x, bodies, settings, settings.tube)
     from_here = FlightRules(flight.period, limits_at(x, flight.limits, settings.tube), flight.gains)
+    if settings.tube is not None:
+        is_lost, near = look_at_shells(row.plan, x, distances, from_here)
+        if is_lost:
+            leaving = backup_snap(x, bodies, row, settings)
+            return kept_snap(row.plan, x, leaving, near, distances.bare, from_here)
     snap, kind = certified_snap(row.plan, x, nearest, is_wanted, distances, from_here)
     if kind == UNCERTIFIED:
         snap = backup_snap(x, bodies, row, settings)

@@ -41,6 +41,11 @@ FLIGHTS = {
     "errors among shapes": Flight(
         {"uncertainty": {**ERRORS, "losses": True}}, period=0.02, has_shapes=True, moves=True
     ),
+    "shells wider than the gaps between shapes": Flight(
+        {"alpha": 0.5, "snap_max": 60.0, "uncertainty": {"position": 0.005, "velocity": 0.01, "wind": 1.0}},
+        period=0.02,
+        has_shapes=True,
+    ),
     "delay": Flight(
         {"uncertainty": {"position": 0.004, "velocity": 0.02, "delay": 2, "losses": True}}, period=0.02
     ),
