@@ -43,7 +43,7 @@ def test_the_tables_of_the_page_are_those_of_the_file(tmp_path):
 
 def test_the_sampled_shield_lets_nothing_through_in_any_cell():
     sampled = [row for row in rows() if row["method"] in ("sampled", "ppo+sampled")]
-    assert len({(row["task"], row["action"], row["conditions"]) for row in sampled}) == 15
+    assert len({(row["task"], row["action"], row["conditions"]) for row in sampled}) == 16
     assert sum(int(row["heldout_violations"]) for row in sampled) == 0
     assert sum(int(row["training_violations"]) for row in sampled if row["method"] == "sampled") == 0
     # Whoever learned without it did violate, and in every cell.
