@@ -9,6 +9,7 @@ from agents.benchmark.cells import Budget, Method
 from agents.benchmark.comparison import read_comparison
 from agents.benchmark.tables import tables
 from agents.experiment.arms import ARMS
+from agents.measure.statistics import exact_bounds
 from agents.methods.wrapper import method_of
 from shields import Shield
 
@@ -48,6 +49,68 @@ def test_the_sampled_shield_lets_nothing_through_in_any_cell():
     assert sum(int(row["training_violations"]) for row in sampled if row["method"] == "sampled") == 0
     # Whoever learned without it did violate, and in every cell.
     assert all(int(row["training_violations"]) > 100 for row in sampled if row["method"] == "ppo+sampled")
+
+
+def counted(method, task=None, action=None, conditions=None):
+    """Violations and episodes of the training, and held out, where the method flew."""
+    wanted = {"method": method, "task": task, "action": action, "conditions": conditions}
+    found = [row for row in rows() if all(row[key] == value for key, value in wanted.items() if value)]
+    names = ("training_violations", "training_episodes", "heldout_violations", "heldout_episodes")
+    return [sum(int(row[name]) for row in found) for name in names]
+
+
+def share(method, task, action, conditions="none"):
+    bad, of = counted(method, task, action, conditions)[2:]
+    return f"{100.0 * bad / of:.1f}"
+
+
+def most(episodes):
+    """The exact bound of no violation, in %."""
+    return f"{100.0 * exact_bounds(0, episodes)[1]:.2g} %"
+
+
+def sentences():
+    """What the page says in words, with the numbers of the file."""
+    ours, velocity, snap = counted("sampled"), counted("predictive", action="velocity"), "snap"
+    hocbf, predictive = counted("hocbf", action=snap), counted("predictive", action=snap)
+    rooms = counted("hocbf", "rooms", snap)
+    yield f"0 of {ours[3]:,} held-out flights (at most {most(ours[3])})"
+    yield f"0 of {ours[1]:,} episodes of training (at most {most(ours[1])})"
+    yield f"HOCBF-QP holds too, 0 of {counted('hocbf', action='velocity')[1]:,} episodes of training"
+    yield f"lets {velocity[0]} of {velocity[1]:,} through in training"
+    yield f"and {velocity[2]} of {velocity[3]:,} held-out; of its calls"
+    yield f"lets {hocbf[0]} of {hocbf[1]:,} episodes of training through"
+    yield f"through and {hocbf[2]} of {hocbf[3]:,} held-out"
+    yield f"all of them indoor and {rooms[0] + rooms[2]} of them in Rooms"
+    yield f"filter {predictive[0]} of {predictive[1]:,} and {predictive[2]} of {predictive[3]:,}, nearly all"
+    backup = [share("geometric", task, snap, "indoor") for task in ("avoid", "forest", "moving", "rooms")]
+    yield f"indoor {' % in {}, '.join(backup)} % in {{}}".format("Avoid", "Forest", "Moving", "Rooms")
+    yield f"{share('geometric', 'moving', snap)} % do in Moving, none in Rooms"
+    behind = [share(f"ppo+{name}", "rooms", snap, "indoor") for name in ("hocbf", "predictive")]
+    yield f"{behind[0]} % violate behind the HOCBF-QP, {behind[1]} % behind `predictive`, none behind the"
+    prices = [share(name, "avoid", "velocity") for name in ("penalty", "lagrangian", "ppo")]
+    yield f"leave {prices[0]} and {prices[1]} % of the held-out flights in violation"
+    yield f"where PPO leaves {prices[2]} %"
+    prices = [share(name, "rooms", "velocity") for name in ("penalty", "lagrangian", "ppo")]
+    yield f"in Rooms {prices[0]} and {prices[1]} of {prices[2]} %"
+
+
+def test_the_sentences_of_the_page_have_the_numbers_of_the_file():
+    page = " ".join(PAGE.read_text(encoding="utf-8").split())
+    said = list(sentences())
+    assert [sentence for sentence in said if sentence not in page] == []
+    assert (
+        counted("hocbf", conditions="none")[::2] == [0, 0] == counted("geometric", "rooms", "snap", "none")[::2]
+    )
+    trained = {
+        tuple(row[key] for key in list(row)[:5]) for row in rows() if not row["method"].startswith("ppo+")
+    }
+    assert f"what is here are {len(trained):,} trainings" in page
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    ours, hocbf = counted("sampled"), counted("hocbf")
+    assert f"What was flown so far, {len(rows()):,} rows" in readme
+    assert f"0 of {ours[3]:,} held-out flights violated (at most {most(ours[3])})" in readme
+    assert f"HOCBF-QP let {hocbf[0] + hocbf[2]} of {hocbf[1] + hocbf[3]:,} flights and episodes" in readme
 
 
 def test_the_page_has_the_search_of_settings_for_snap_commands(search):
