@@ -24,7 +24,7 @@ from quadsafe_core.kernels.choice import entry_at
 from quadsafe_core.kernels.jit import inline_kernel, kernel
 from quadsafe_core.kernels.vec3 import combined, norm, subtract, vector
 from shields.backup.arcs import CLEAR, HIT, arc_is_clear, look_at_arc, own_rest_is_clear, rest_is_clear
-from shields.backup.lengths import has_length, lengths_ahead, stop_keeps_limits, without_length
+from shields.backup.lengths import LESS, has_length, lengths_ahead, stop_keeps_limits, without_length
 from shields.backup.stop_hull import Attempt, bodies_are_clear, is_clear_at_once, lengths_at_once, scaled
 from shields.backup.stored_stop import (
     LENGTHS,
@@ -48,8 +48,8 @@ from shields.interface.records import (
     ThrustBand,
 )
 
-# Rounding, as a fraction of a radius, that a stored stop is allowed; and of a distance, to be below it.
-ROUNDING, JUST_INSIDE = 1e-9, 1 - 1e-12
+# Rounding, as a fraction of a radius, that a stored stop is allowed.
+ROUNDING = 1e-9
 # Of the way from a body itself to the distance that there is, what a stop is to keep.
 SHARES = (1.0, 0.5, 0.0)
 # What is flown instead of a wanted snap that cannot be certified: that much of it, on top of the stop.
@@ -247,7 +247,7 @@ def standing_distances(core, radius, r, center):
     """What a vehicle at r keeps surely of where it is, and what a stored stop keeps, but for rounding, m."""
     gap = subtract(r, center)
     if core is None:
-        return JUST_INSIDE * norm(gap), (1 - ROUNDING) * radius
+        return LESS * norm(gap), (1 - ROUNDING) * radius
     rounding = rounding_at(r, gap)
     return distance_from(core, gap) - rounding, radius - rounding
 

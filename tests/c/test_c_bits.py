@@ -212,3 +212,10 @@ def test_a_constant_that_is_a_little_off_is_noticed(tmp_path):
     other = mutated(tmp_path, "qs_chain.h", "EITHER(4e-15, ", "EITHER(5e-15, ")
     assert fly(library(), FLIGHTS["spheres"], 20, 60)[0] == 0
     assert fly(other, FLIGHTS["spheres"], 20, 60)[0] > 0
+
+
+def test_what_comes_no_nearer_without_a_certificate_is_flown_in_these_flights(tmp_path):
+    other = mutated(tmp_path, "quadsafe.c", "is_near && standing", "is_near && !all && standing")
+    shells = FLIGHTS["shells wider than the gaps between shapes"]
+    assert fly(library(), shells, 20, 60)[0] == 0
+    assert fly(other, shells, 20, 60)[0] > 0
