@@ -1,9 +1,10 @@
 """Settings of every filter for snap commands, each searched with the same budget: how PPO learns behind them.
 
     python benchmarks/snap_settings.py sampled hocbf                            flies what is missing of these
+    python benchmarks/snap_settings.py --task rooms                             in another task than Avoid
     python benchmarks/snap_settings.py --table --out docs/data/snap_settings.csv    tables of what was flown
 
-A filter has six candidates. Behind each PPO learns QuadSafe/Avoid-v0 with the budget and the hyper-parameters
+A filter has six candidates. Behind each PPO learns the task with the budget and the hyper-parameters
 of the benchmark, on three seeds that the benchmark does not fly, and then flies 100 held-out scenes. The best
 candidate has the fewest violations in training and after, then the greatest return: with so few steps many
 reach no goal. It then learns with the ten seeds of the benchmark. Killed at any minute, it goes on.
@@ -20,14 +21,14 @@ from typing import Any
 import numpy as np
 
 from agents.benchmark.campaign import opened
-from agents.benchmark.cells import Budget, Cell, Method
+from agents.benchmark.cells import TASKS, Budget, Cell, Method
 from agents.experiment.config import Options
 from agents.experiment.files import write_csv
 from agents.measure.results import flights, summary, training_episodes
 from agents.measure.statistics import over_seeds
 from agents.train.engines import engine_of, run_jobs
 
-CELL, ARM = Cell("avoid", "snap", "none"), "shield"
+ARM = "shield"
 SEARCHED, FLOWN = (100, 3), (0, 10)  # first seed, and how many
 FIELDS: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
     "sampled": {"alpha": (0.5, 2.0), "snap_max": (30.0, 60.0, 200.0)},
@@ -38,7 +39,7 @@ FIELDS: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
 }
 OF_SHIELD = ("sampled", "cbf")
 COLUMNS = (
-    *("filter", "settings", "seed", "training_episodes", "training_violations", "heldout_episodes"),
+    *("task", "filter", "settings", "seed", "training_episodes", "training_violations", "heldout_episodes"),
     *("heldout_violations", "heldout_success", "heldout_return", "intervention_share"),
 )
 Row = dict[str, Any]
@@ -54,14 +55,16 @@ def words_of(settings: Mapping[str, Any]) -> str:
     return " ".join(f"{key} {value:g}" for key, value in settings.items())
 
 
-def flown(name: str, settings: Mapping[str, Any], seeds: tuple[int, int], folder: Path) -> Iterator[Row]:
+def flown(
+    cell: Cell, name: str, settings: Mapping[str, Any], seeds: tuple[int, int], folder: Path
+) -> Iterator[Row]:
     """Train and fly what is missing of a candidate; a row for each seed."""
     words = words_of(settings)
     told = {"method" if name in OF_SHIELD else "filter": name, **settings}
-    plain = CELL.experiment("ppo", [Method("sampled", CELL.action)], Budget())
+    plain = cell.experiment("ppo", [Method("sampled", cell.action)], Budget())
     experiment = replace(plain, arms=(ARM,), shield=told, seed=seeds[0], n_seeds=seeds[1])
     options = Options(n_jobs=1)
-    run = opened(folder / f"{name} {words} from {seeds[0]}".replace(" ", "_"), experiment, options)
+    run = opened(folder / cell.task / f"{name} {words} from {seeds[0]}".replace(" ", "_"), experiment, options)
     missing = [job for job in experiment.jobs() if not run.is_done(*job)]
     failed = run_jobs(engine_of(options), run, missing, options)
     if failed:
@@ -69,7 +72,7 @@ def flown(name: str, settings: Mapping[str, Any], seeds: tuple[int, int], folder
     for seed in experiment.seeds:
         learned, found = training_episodes(run, ARM, seed), summary(flights(run, ARM, seed, True))
         values = (
-            *(name, words, seed, len(learned), int(learned["violation"].sum()), found["episodes"]),
+            *(cell.task, name, words, seed, len(learned), int(learned["violation"].sum()), found["episodes"]),
             *(found["violations"], found["success_rate"], found["return"], found["intervention_rate"]),
         )
         yield dict(zip(COLUMNS, values, strict=True))
@@ -81,11 +84,11 @@ def rank(rows: list[Row]) -> tuple[float, float]:
     return violations, -float(np.mean([float(row["heldout_return"]) for row in rows]))
 
 
-def search(name: str, folder: Path) -> list[Row]:
+def search(cell: Cell, name: str, folder: Path) -> list[Row]:
     """Every candidate on the seeds of the search, and the best on those of the benchmark."""
-    found = [(list(flown(name, settings, SEARCHED, folder)), settings) for settings in candidates(name)]
+    found = [(list(flown(cell, name, settings, SEARCHED, folder)), settings) for settings in candidates(name)]
     _, best = min(found, key=lambda one: rank(one[0]))
-    return [*(row for rows, _ in found for row in rows), *flown(name, best, FLOWN, folder)]
+    return [*(row for rows, _ in found for row in rows), *flown(cell, name, best, FLOWN, folder)]
 
 
 def groups(rows: list[Row], is_flown: bool) -> dict[tuple[str, str], list[Row]]:
@@ -98,7 +101,7 @@ def groups(rows: list[Row], is_flown: bool) -> dict[tuple[str, str], list[Row]]:
 
 
 def tables(rows: list[Row]) -> str:
-    """The search, and the best of it beside the settings of the benchmark."""
+    """The search in a task, and what the best of each filter did with the seeds of the benchmark."""
     searched = groups(rows, is_flown=False)
     best = {
         name: min((key for key in searched if key[0] == name), key=lambda key: rank(searched[key]))
@@ -148,17 +151,27 @@ def main() -> None:
     parser.add_argument("filters", nargs="*", choices=(*FIELDS, []), default=[])
     parser.add_argument("--out", type=Path, default=Path("logs/snap_settings.csv"))
     parser.add_argument("--folder", type=Path, default=Path("logs/snap_settings"))
+    parser.add_argument("--task", choices=TASKS, default="avoid")
     parser.add_argument("--table", action="store_true")
     given = parser.parse_args()
-    rows: list[Row] = []
+    cell, rows = Cell(given.task, "snap", "none"), []
     if given.out.exists():
         with given.out.open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
-    for name in () if given.table else given.filters or FIELDS:
-        rows = [row for row in rows if row["filter"] != name] + search(name, given.folder)
-        rows.sort(key=lambda row: list(FIELDS).index(row["filter"]))
+    there = [method.name for method in cell.methods(given.filters or list(FIELDS))]
+    others = set(given.filters) - set(there)
+    if others:
+        parser.error(f"filters: expected what can fly in {given.task}, got {', '.join(others)}")
+    for name in () if given.table else there:
+        known = [row for row in rows if (row["task"], row["filter"]) != (cell.task, name)]
+        rows = sorted(known + search(cell, name, given.folder), key=place)
         write_csv(given.out, COLUMNS, [[row[name] for name in COLUMNS] for row in rows])
-    print(tables(rows))
+    print(tables([row for row in rows if row["task"] == cell.task]))
+
+
+def place(row: Row) -> tuple[int, int]:
+    """Where a row stands in the file."""
+    return list(TASKS).index(row["task"]), list(FIELDS).index(row["filter"])
 
 
 if __name__ == "__main__":
