@@ -1,11 +1,12 @@
 """The page of the benchmark says what the CSV file in the repository says."""
 
 import csv
+from collections import Counter
 
 import pytest
 from house import ROOT, script
 
-from agents.benchmark.cells import Budget, Method
+from agents.benchmark.cells import ACTIONS, CONDITIONS, METHODS, TASKS, Budget, Method, cells
 from agents.benchmark.comparison import read_comparison
 from agents.benchmark.tables import tables
 from agents.experiment.arms import ARMS
@@ -40,6 +41,13 @@ def test_the_tables_of_the_page_are_those_of_the_file(tmp_path):
         writer.writeheader()
         writer.writerows(few)
     assert tables(read_comparison(other)).strip() not in page
+
+
+def test_every_method_flew_every_cell_with_ten_seeds():
+    every = cells(list(TASKS), ACTIONS, CONDITIONS)
+    wanted = {(c.task, c.action, c.conditions, m.name): 10 for c in every for m in c.methods(METHODS)}
+    assert Counter(tuple(row.values())[:4] for row in rows()) == wanted
+    assert {row["seed"] for row in rows()} == {str(seed) for seed in range(10)}
 
 
 def test_the_sampled_shield_lets_nothing_through_in_any_cell():
