@@ -1,7 +1,7 @@
 """The page of the benchmark says what the CSV file in the repository says."""
 
 import csv
-from collections import Counter
+from collections import Counter, defaultdict
 
 import pytest
 from house import ROOT, script
@@ -48,6 +48,14 @@ def test_every_method_flew_every_cell_with_ten_seeds():
     wanted = {(c.task, c.action, c.conditions, m.name): 10 for c in every for m in c.methods(METHODS)}
     assert Counter(tuple(row.values())[:4] for row in rows()) == wanted
     assert {row["seed"] for row in rows()} == {str(seed) for seed in range(10)}
+
+
+def test_a_call_of_a_filter_has_one_time_in_a_cell():
+    found = defaultdict(set)
+    for row in rows():
+        flown = Method(row["method"], row["action"]).filter
+        found[(row["task"], row["action"], row["conditions"], flown)].add(row["microseconds_per_call"])
+    assert all(len(times) == 1 and ("" in times) == (flown == "") for (*_, flown), times in found.items())
 
 
 def test_the_sampled_shield_lets_nothing_through_in_any_cell():
@@ -140,6 +148,11 @@ def test_the_readme_has_the_numbers_of_the_file():
     words, ours = " ".join(readme.split()), counted("sampled")
     assert f"{len(rows()):,} rows of `docs/data/benchmark.csv`" in words
     assert f"The bounds of the zeros are {most(ours[3])} and {most(ours[1])}." in words
+    rooms = counted("hocbf", "rooms", "snap", "indoor")
+    assert f"HOCBF-QP's, {rooms[2]} and {rooms[0]} are in one cell" in words
+    better = over_all.split("| `hocbf` |")[1].split("|")[5].strip()
+    assert f"better with a probability of {better}." in words
+    assert f"the shield is better with a probability of {better}." in " ".join(page.split())
     lost = page.split("succeeds more often there than `sampled` in ")[1].split(" cells")[0]
     assert f"In {lost.replace('of', 'of the')} cells another method" in words
 
